@@ -1,0 +1,310 @@
+//! The scene as loaded: what a file says, in renderer-neutral terms.
+//!
+//! Space: glTF's (right-handed, Y up, metres by convention), object-space geometry with one affine matrix per instance.
+//! Colours: linear Rec.709. Radiance: W/(sr m²). Indices between the vectors of [`Scene`] are checked by the loaders:
+//! every `u32` that names an element of another vector is in range.
+
+use std::sync::Arc;
+
+/// A loaded scene.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// Stem of the file's name, for naming outputs.
+    pub name: String,
+    /// Geometry in object space; several instances may share one mesh.
+    pub meshes: Vec<Mesh>,
+    /// Placed meshes. A glTF node whose mesh has several primitives gives one instance per primitive.
+    pub instances: Vec<Instance>,
+    /// What an artist calls an object: a glTF mesh node, an OBJ object or group.
+    pub objects: Vec<Object>,
+    /// Materials; never empty when there is an instance (a default material is added where a file names none).
+    pub materials: Vec<Material>,
+    /// Decoded images; materials refer to them by index.
+    pub textures: Vec<Texture>,
+    /// Cameras in file order.
+    pub cameras: Vec<Camera>,
+    /// Radiance from all directions that no geometry blocks.
+    pub environment: Option<Environment>,
+    /// What the file uses and the scene does not carry, by feature and element.
+    pub unmodelled: Vec<Unmodelled>,
+    /// What was wrong in the file and mended.
+    pub repairs: Vec<Repair>,
+}
+
+/// A triangle mesh in object space.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Name in the file, or made up from its index.
+    pub name: String,
+    /// Vertex positions, finite.
+    pub positions: Vec<[f32; 3]>,
+    /// Unit shading normals, one per vertex; `None` for flat shading.
+    pub normals: Option<Vec<[f32; 3]>>,
+    /// Texture coordinates, one per vertex; (0, 0) is the upper left corner of the image. `None` where no texture uses them.
+    pub uvs: Option<Vec<[f32; 2]>>,
+    /// Vertex indices, counter-clockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// A mesh placed in the world.
+#[derive(Clone, Debug)]
+pub struct Instance {
+    /// Index into [`Scene::objects`].
+    pub object: u32,
+    /// Index into [`Scene::meshes`].
+    pub mesh: u32,
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+    /// Object space to world space: rows of a 3×4 affine matrix, `world = m[..][0..3] * p + m[..][3]`.
+    pub to_world: [[f64; 4]; 3],
+}
+
+/// The unit of attribution.
+#[derive(Clone, Debug)]
+pub struct Object {
+    /// Name shown to people; unique within the scene (a `#2` is appended to the second of a name).
+    pub name: String,
+}
+
+/// A surface: how it scatters and what it emits.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// Name shown to people; unique within the scene.
+    pub name: String,
+    /// How it scatters.
+    pub bsdf: Bsdf,
+    /// Emission leaves both sides when true, else only the front. (Every surface scatters on both sides.)
+    pub double_sided: bool,
+    /// Emitted radiance; zero for most.
+    pub emission: Color,
+    /// Where the surface is there at all.
+    pub alpha: Alpha,
+}
+
+impl Material {
+    /// Grey matte, for surfaces whose file names no material.
+    pub fn default_matte(name: &str) -> Self {
+        Self {
+            name: name.into(),
+            bsdf: Bsdf::Matte { reflectance: Color::constant([0.8; 3]) },
+            double_sided: true,
+            emission: Color::constant([0.0; 3]),
+            alpha: Alpha::Opaque,
+        }
+    }
+
+    /// True when the surface emits.
+    pub fn is_emissive(&self) -> bool {
+        self.emission.factor.iter().any(|c| *c > 0.0)
+    }
+}
+
+/// The scattering models. Formulas: hotspot-integrator's `bsdf` room.
+#[derive(Clone, Debug)]
+pub enum Bsdf {
+    /// Lambert.
+    Matte {
+        /// Albedo, 0..1.
+        reflectance: Color,
+    },
+    /// Ashikhmin–Shirley Fresnel blend with isotropic GGX (pbrt-v3's SubstrateMaterial).
+    Substrate {
+        /// Rd, 0..1.
+        diffuse: Color,
+        /// Rs, reflectance at normal incidence, 0..1.
+        specular: [f32; 3],
+        /// glTF roughness 0..1; GGX alpha = max(roughness², 1e-3).
+        roughness: Scalar,
+    },
+    /// Perfect specular reflection without Fresnel.
+    Mirror {
+        /// Reflectance, 0..1.
+        reflectance: Color,
+    },
+    /// GGX with separable Smith masking and Schlick's Fresnel.
+    RoughMetal {
+        /// Reflectance at normal incidence, 0..1.
+        f0: Color,
+        /// glTF roughness 0..1; GGX alpha = max(roughness², 1e-3).
+        roughness: Scalar,
+    },
+    /// Smooth dielectric with exact Fresnel.
+    Glass {
+        /// Index of refraction inside, above 0.
+        ior: f32,
+        /// A pane (both interfaces at once, no refraction) rather than the boundary of a solid.
+        thin: bool,
+        /// Scales the transmitted part, 0..1.
+        transmittance: Color,
+    },
+    /// Linear mix, as glTF's metallic factor between 0 and 1: `(1 - metallic) * base + metallic * metal`.
+    Mix {
+        /// Share of `metal`, 0..1.
+        metallic: Scalar,
+        /// Dielectric part.
+        base: Box<Bsdf>,
+        /// Metal part.
+        metal: Box<Bsdf>,
+    },
+}
+
+/// A colour: a constant, or a constant times a texture's colour (decoded to linear).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Color {
+    /// Linear factor.
+    pub factor: [f32; 3],
+    /// Multiplied in where present.
+    pub texture: Option<TextureRef>,
+}
+
+impl Color {
+    /// The same everywhere.
+    pub fn constant(factor: [f32; 3]) -> Self {
+        Self { factor, texture: None }
+    }
+}
+
+/// A number: a constant, or a constant times one channel of a texture (not decoded).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scalar {
+    /// Factor.
+    pub factor: f32,
+    /// Multiplied in where present.
+    pub texture: Option<(TextureRef, Channel)>,
+}
+
+impl Scalar {
+    /// The same everywhere.
+    pub fn constant(factor: f32) -> Self {
+        Self { factor, texture: None }
+    }
+}
+
+/// A channel of a texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// Red.
+    R,
+    /// Green (glTF: roughness).
+    G,
+    /// Blue (glTF: metallic).
+    B,
+    /// Alpha.
+    A,
+}
+
+/// A texture and how it is looked up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TextureRef {
+    /// Index into [`Scene::textures`].
+    pub texture: u32,
+    /// Behaviour beyond 0..1, horizontally and vertically.
+    pub wrap: [Wrap; 2],
+    /// Nearest texel rather than bilinear.
+    pub nearest: bool,
+    /// `uv' = m * [u, v, 1]`: the rows of KHR_texture_transform's matrix; identity by default.
+    pub transform: [[f32; 3]; 2],
+}
+
+/// Behaviour of a texture beyond 0..1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wrap {
+    /// Start again.
+    Repeat,
+    /// Hold the edge.
+    Clamp,
+    /// There and back.
+    Mirror,
+}
+
+/// An image: 8-bit texels as in the file, RGBA, row-major from the top. Colour channels are sRGB-encoded when looked up
+/// as a [`Color`], plain numbers when looked up as a [`Scalar`] or as alpha.
+#[derive(Clone, Debug)]
+pub struct Texture {
+    /// Name or path in the file.
+    pub name: String,
+    /// Texels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `4 * width * height` bytes.
+    pub rgba: Arc<[u8]>,
+}
+
+/// Where a surface is there at all.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Alpha {
+    /// Everywhere.
+    Opaque,
+    /// Where alpha ≥ cutoff.
+    Mask {
+        /// Threshold.
+        cutoff: f32,
+        /// Alpha.
+        alpha: Scalar,
+    },
+    /// With probability alpha.
+    Blend {
+        /// Alpha.
+        alpha: Scalar,
+    },
+}
+
+/// A camera.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    /// Name in the file, or made up from its index.
+    pub name: String,
+    /// Camera space (looking along −Z, +Y up) to world space, rigid: rows of a 3×4 matrix, columns of unit length.
+    pub to_world: [[f64; 4]; 3],
+    /// What the pixels cover.
+    pub projection: Projection,
+}
+
+/// What the pixels of a camera cover.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// Pinhole.
+    Perspective {
+        /// Full vertical angle in radians, in (0, π).
+        yfov: f64,
+        /// Width over height where the file says it.
+        aspect: Option<f64>,
+    },
+    /// Parallel rays.
+    Orthographic {
+        /// Half width in scene units.
+        xmag: f64,
+        /// Half height in scene units.
+        ymag: f64,
+    },
+}
+
+/// Light from infinitely far away.
+#[derive(Clone, Debug)]
+pub enum Environment {
+    /// The same radiance from every direction.
+    Constant([f32; 3]),
+}
+
+/// Something that the file uses and the scene does not carry.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unmodelled {
+    /// Feature, such as `KHR_materials_sheen`.
+    pub feature: String,
+    /// Where, such as `materials[3] "Velvet"`.
+    pub element: String,
+    /// What happens instead, in a few words.
+    pub effect: String,
+}
+
+/// Something wrong in the file that was mended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Repair {
+    /// What was done, such as `degenerate triangles dropped`.
+    pub what: String,
+    /// Where.
+    pub element: String,
+    /// How many times.
+    pub count: u64,
+}
