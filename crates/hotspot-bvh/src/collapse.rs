@@ -1,0 +1,229 @@
+//! Turns a binary tree with one triangle per leaf into the 8-wide tree, at the least expected cost.
+//!
+//! The dynamic program of Ylitie, Karras and Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
+//! BVHs* (HPG 2017), section 3.1: for each binary node n and each i, the cheapest way to represent the subtree of n as a
+//! forest of at most i wide subtrees; a wide subtree is a leaf block (up to 8 triangles) or a node whose children are a
+//! forest of at most 8. Costs are surface areas times [`NODE_COST`] or [`BLOCK_COST`]: a block costs the same however
+//! full it is, since its lanes are tested at once.
+
+use crate::node::{Bounds, Child, Node};
+use crate::triangle::{Block, LANES};
+
+/// Relative cost of visiting a node.
+const NODE_COST: f64 = 1.0;
+/// Relative cost of testing a leaf block.
+const BLOCK_COST: f64 = 0.9;
+/// Children per wide node.
+const WIDTH: usize = 8;
+
+/// A binary tree: children of an inner node are `first` and `first + 1`; a leaf holds the primitives
+/// `order[first..first + count]`.
+pub(crate) struct BinaryTree {
+    pub(crate) nodes: Vec<BinaryNode>,
+    pub(crate) order: Vec<u32>,
+}
+
+/// A node of the binary tree; `count` is 0 for inner nodes.
+#[derive(Clone, Copy)]
+pub(crate) struct BinaryNode {
+    pub(crate) first: u32,
+    pub(crate) count: u32,
+}
+
+/// The wide tree.
+pub(crate) struct WideTree {
+    pub(crate) nodes: Vec<Node>,
+    pub(crate) blocks: Vec<Block>,
+    pub(crate) root: Child,
+    pub(crate) bounds: Bounds,
+}
+
+/// What the dynamic program knows of a binary node.
+#[derive(Clone)]
+struct Plan {
+    /// Cost of a forest of at most i + 1 wide subtrees, i in 0..7.
+    cost: [f64; WIDTH - 1],
+    /// For forests of 2..=8: how many go to the left child; 0: use one fewer subtrees.
+    left: [u8; WIDTH + 1],
+    /// The single subtree is a leaf block.
+    block: bool,
+}
+
+/// Collapses `tree` over `triangles`.
+pub(crate) fn collapse(tree: &BinaryTree, triangles: &[[[f32; 3]; 3]]) -> WideTree {
+    if tree.order.is_empty() {
+        return WideTree { nodes: Vec::new(), blocks: Vec::new(), root: Child::EMPTY, bounds: Bounds::EMPTY };
+    }
+    let after_children = children_first(tree);
+    let mut bounds = vec![Bounds::EMPTY; tree.nodes.len()];
+    let mut sizes = vec![0u32; tree.nodes.len()];
+    for &n in &after_children {
+        let node = tree.nodes[n];
+        if node.count > 0 {
+            for &primitive in leaf_primitives(tree, node) {
+                bounds[n] = bounds[n].union(&Bounds::of_points(&triangles[primitive as usize]));
+            }
+            sizes[n] = node.count;
+        } else {
+            let (l, r) = (node.first as usize, node.first as usize + 1);
+            bounds[n] = bounds[l].union(&bounds[r]);
+            sizes[n] = sizes[l] + sizes[r];
+        }
+    }
+    let plans = plan(tree, &after_children, &bounds, &sizes);
+    Emitter { tree, triangles, bounds: &bounds, plans: &plans, nodes: Vec::new(), blocks: Vec::new() }.run()
+}
+
+fn leaf_primitives(tree: &BinaryTree, node: BinaryNode) -> &[u32] {
+    &tree.order[node.first as usize..(node.first + node.count) as usize]
+}
+
+/// Node indices, every child before its parent, without recursion: hostile geometry makes deep trees.
+fn children_first(tree: &BinaryTree) -> Vec<usize> {
+    let mut order = Vec::with_capacity(tree.nodes.len());
+    let mut stack = vec![0];
+    while let Some(n) = stack.pop() {
+        order.push(n);
+        let node = tree.nodes[n];
+        if node.count == 0 {
+            stack.extend([node.first as usize, node.first as usize + 1]);
+        }
+    }
+    order.reverse();
+    order
+}
+
+fn plan(tree: &BinaryTree, after_children: &[usize], bounds: &[Bounds], sizes: &[u32]) -> Vec<Plan> {
+    let unset = Plan { cost: [f64::INFINITY; WIDTH - 1], left: [0; WIDTH + 1], block: true };
+    let mut plans = vec![unset; tree.nodes.len()];
+    for &n in after_children {
+        let node = tree.nodes[n];
+        let area = bounds[n].half_area();
+        let as_block = if sizes[n] as usize <= LANES { area * BLOCK_COST } else { f64::INFINITY };
+        let mut plan = Plan { cost: [as_block; WIDTH - 1], left: [0; WIDTH + 1], block: true };
+        if node.count == 0 {
+            let (l, r) = (&plans[node.first as usize], &plans[node.first as usize + 1]);
+            let mut forest = [f64::INFINITY; WIDTH + 1];
+            for count in 2..=WIDTH {
+                for left in 1..count {
+                    if left < WIDTH && count - left < WIDTH {
+                        let cost = l.cost[left - 1] + r.cost[count - left - 1];
+                        if cost < forest[count] {
+                            forest[count] = cost;
+                            plan.left[count] = left as u8;
+                        }
+                    }
+                }
+            }
+            // The cheapest forest of at most 8 for the children of a node.
+            for count in 3..=WIDTH {
+                if forest[count - 1] <= forest[count] {
+                    forest[count] = forest[count - 1];
+                    plan.left[count] = 0;
+                }
+            }
+            let as_node = area * NODE_COST + forest[WIDTH];
+            plan.block = as_block <= as_node;
+            plan.cost[0] = as_block.min(as_node);
+            for count in 2..WIDTH {
+                plan.cost[count - 1] = plan.cost[0].min(forest[count]);
+            }
+        }
+        plans[n] = plan;
+    }
+    plans
+}
+
+struct Emitter<'a> {
+    tree: &'a BinaryTree,
+    triangles: &'a [[[f32; 3]; 3]],
+    bounds: &'a [Bounds],
+    plans: &'a [Plan],
+    nodes: Vec<Node>,
+    blocks: Vec<Block>,
+}
+
+impl Emitter<'_> {
+    fn run(mut self) -> WideTree {
+        let bounds = self.bounds[0];
+        let root = if self.plans[0].block {
+            self.block(0)
+        } else {
+            // Depth first, so that a subtree lies together: (binary node, its wide node's parent and slot).
+            let mut pending = vec![(0usize, None)];
+            while let Some((binary, parent)) = pending.pop() {
+                let index = self.nodes.len() as u32;
+                self.nodes.push(Node::EMPTY);
+                if let Some((parent, slot)) = parent {
+                    let parent: &mut Node = &mut self.nodes[parent as usize];
+                    parent.children[slot as usize] = Child::node(index);
+                }
+                let roots = self.forest(binary);
+                // Leaves first: any-hit queries try them before they descend. Then by area, largest first.
+                let mut sorted: Vec<usize> = roots.iter().copied().filter(|&n| self.plans[n].block).collect();
+                let leaves = sorted.len();
+                sorted.extend(roots.iter().copied().filter(|&n| !self.plans[n].block));
+                let by_area = |a: &usize, b: &usize| {
+                    self.bounds[*b].half_area().total_cmp(&self.bounds[*a].half_area())
+                };
+                sorted[..leaves].sort_by(by_area);
+                sorted[leaves..].sort_by(by_area);
+                for (slot, &child) in sorted.iter().enumerate() {
+                    let b = self.bounds[child];
+                    for axis in 0..3 {
+                        self.nodes[index as usize].bounds[2 * axis].0[slot] = b.min[axis];
+                        self.nodes[index as usize].bounds[2 * axis + 1].0[slot] = b.max[axis];
+                    }
+                    if slot < leaves {
+                        let leaf = self.block(child);
+                        self.nodes[index as usize].children[slot] = leaf;
+                    }
+                }
+                for (slot, &child) in sorted.iter().enumerate().skip(leaves).rev() {
+                    pending.push((child, Some((index, slot as u32))));
+                }
+            }
+            Child::node(0)
+        };
+        WideTree { nodes: self.nodes, blocks: self.blocks, root, bounds }
+    }
+
+    /// The binary nodes that become the children of the wide node made of `binary`, from left to right.
+    fn forest(&self, binary: usize) -> Vec<usize> {
+        let mut roots = Vec::with_capacity(WIDTH);
+        // (binary node, wide subtrees that it may become, whether it must be split)
+        let mut stack = vec![(binary, WIDTH, true)];
+        while let Some((n, mut count, must_split)) = stack.pop() {
+            let plan = &self.plans[n];
+            let single = |count: usize| count == 1 || plan.cost[0] <= plan.cost[count - 1];
+            if self.tree.nodes[n].count > 0 || (!must_split && single(count)) {
+                roots.push(n);
+                continue;
+            }
+            while plan.left[count] == 0 {
+                count -= 1;
+            }
+            let left = plan.left[count] as usize;
+            let first = self.tree.nodes[n].first as usize;
+            stack.push((first + 1, count - left, false));
+            stack.push((first, left, false));
+        }
+        roots
+    }
+
+    fn block(&mut self, binary: usize) -> Child {
+        let mut primitives = Vec::with_capacity(LANES);
+        let mut stack = vec![binary];
+        while let Some(n) = stack.pop() {
+            let node = self.tree.nodes[n];
+            if node.count > 0 {
+                primitives.extend_from_slice(leaf_primitives(self.tree, node));
+            } else {
+                stack.extend([node.first as usize + 1, node.first as usize]);
+            }
+        }
+        let index = self.blocks.len() as u32;
+        self.blocks.push(Block::new(primitives.into_iter().map(|p| (p, self.triangles[p as usize]))));
+        Child::leaf(index)
+    }
+}

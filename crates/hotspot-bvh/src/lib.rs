@@ -1,0 +1,184 @@
+//! An 8-wide bounding volume hierarchy over triangles, for single rays, generic over a probe.
+//!
+//! ```
+//! use hotspot_bvh::{Bvh, NoProbe, Ray};
+//!
+//! let triangles = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]];
+//! let bvh = Bvh::build(&triangles, Default::default())?;
+//! let hit = bvh.closest_hit(&Ray::new([0.25, 0.25, 1.0], [0.0, 0.0, -1.0]), NoProbe).unwrap();
+//! assert_eq!((hit.t, hit.primitive, hit.normal), (1.0, 0, [0.0, 0.0, 1.0]));
+//! assert!(!bvh.occluded(&Ray::new([0.25, 0.25, 1.0], [0.0, 0.0, 1.0]), NoProbe));
+//! # Ok::<(), hotspot_bvh::BvhError>(())
+//! ```
+//!
+//! * Robust: closed meshes do not leak, and every query agrees exactly with a loop over all triangles
+//!   (`triangle.rs` has the argument).
+//! * The same hits and the same counts on every processor and instruction set, bit for bit.
+//! * obvhs (PLOC with reinsertion) decides the topology; a dynamic program collapses it to eight children per node and up
+//!   to eight triangles per leaf block.
+
+#![deny(unsafe_code)]
+
+mod build;
+mod collapse;
+mod node;
+mod ray;
+pub mod simd;
+mod stack;
+mod traverse;
+mod triangle;
+
+pub use build::{BuildOptions, Quality};
+pub use hotspot_probe::{NoProbe, RayProbe};
+pub use ray::{Hit, Ray};
+pub use traverse::oracle;
+
+use node::{Bounds, Child, Node};
+use simd::{Isa, Portable, Simd};
+use triangle::{Block, NO_PRIMITIVE};
+
+/// Children per node.
+pub const WIDTH: u32 = 8;
+
+/// Why a tree could not be built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BvhError {
+    /// A coordinate is NaN or infinite; drop the triangle before building.
+    NotFinite {
+        /// Index of the triangle.
+        triangle: usize,
+    },
+    /// More than 2^31 − 2 triangles.
+    TooManyTriangles {
+        /// How many were given.
+        count: usize,
+    },
+}
+
+impl core::fmt::Display for BvhError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::NotFinite { triangle } => {
+                write!(
+                    f,
+                    "triangle {triangle} has a coordinate that is not finite; drop it before building the tree"
+                )
+            }
+            Self::TooManyTriangles { count } => {
+                write!(f, "{count} triangles are more than a tree can hold ({})", Child::LIMIT)
+            }
+        }
+    }
+}
+
+impl core::error::Error for BvhError {}
+
+/// A tree over triangles.
+#[derive(Clone, Debug)]
+pub struct Bvh {
+    nodes: Vec<Node>,
+    blocks: Vec<Block>,
+    root: Child,
+    bounds: Bounds,
+    triangles: usize,
+    isa: Isa,
+}
+
+impl Bvh {
+    /// Builds a tree over `triangles`, each three corners, counter-clockwise seen from the front.
+    ///
+    /// # Errors
+    /// When a coordinate is not finite or there are too many triangles. Degenerate triangles are allowed; nothing hits
+    /// them.
+    pub fn build(triangles: &[[[f32; 3]; 3]], options: BuildOptions) -> Result<Self, BvhError> {
+        build::build(triangles, options)
+    }
+
+    /// The nearest hit of `ray` in (`t_min`, `t_max`).
+    #[inline]
+    pub fn closest_hit<P: RayProbe>(&self, ray: &Ray, probe: P) -> Option<Hit> {
+        #[cfg(target_arch = "x86_64")]
+        if self.isa == Isa::Avx2
+            && let Some(avx2) = simd::Avx2::detect()
+        {
+            return self.closest_hit_with(avx2, ray, probe);
+        }
+        self.closest_hit_with(Portable, ray, probe)
+    }
+
+    /// Whether anything is hit in (`t_min`, `t_max`).
+    #[inline]
+    pub fn occluded<P: RayProbe>(&self, ray: &Ray, probe: P) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        if self.isa == Isa::Avx2
+            && let Some(avx2) = simd::Avx2::detect()
+        {
+            return self.occluded_with(avx2, ray, probe);
+        }
+        self.occluded_with(Portable, ray, probe)
+    }
+
+    /// [`Bvh::closest_hit`] under a token chosen by the caller, for loops that are compiled for it as a whole.
+    #[inline(always)]
+    pub fn closest_hit_with<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> Option<Hit> {
+        simd.vectorize(
+            #[inline(always)]
+            || traverse::closest(simd, self, ray, probe),
+        )
+    }
+
+    /// [`Bvh::occluded`] under a token chosen by the caller.
+    #[inline(always)]
+    pub fn occluded_with<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> bool {
+        simd.vectorize(
+            #[inline(always)]
+            || traverse::any(simd, self, ray, probe),
+        )
+    }
+
+    /// Triangles given to the build.
+    pub const fn triangle_count(&self) -> usize {
+        self.triangles
+    }
+
+    /// Inner nodes.
+    pub fn node_count(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Leaf blocks.
+    pub fn block_count(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// Triangles of leaf block `block`, by the index they were given with; empty beyond the last block.
+    pub fn block_triangles(&self, block: u32) -> impl Iterator<Item = u32> + '_ {
+        let primitives = self.blocks.get(block as usize).map_or(&[][..], |b| &b.primitives[..]);
+        primitives.iter().copied().filter(|&p| p != NO_PRIMITIVE)
+    }
+
+    /// Bytes held by nodes and leaf blocks.
+    pub fn memory(&self) -> u64 {
+        (size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())) as u64
+    }
+
+    /// Corners of the bounding box of all triangles; (+∞, −∞) when there are none.
+    pub const fn bounds(&self) -> ([f32; 3], [f32; 3]) {
+        (self.bounds.min, self.bounds.max)
+    }
+
+    /// Name of the instruction set that [`Bvh::closest_hit`] uses.
+    pub fn isa(&self) -> Isa {
+        self.isa
+    }
+
+    /// All words of the tree in memory order, for hashing: equal trees give equal words.
+    pub fn words(&self) -> impl Iterator<Item = u32> + '_ {
+        let nodes = self.nodes.iter().flat_map(|n| {
+            let bounds = n.bounds.iter().flat_map(|row| row.0.map(f32::to_bits));
+            bounds.chain(n.children.map(|c| c.0))
+        });
+        let blocks = self.blocks.iter().flat_map(|b| b.primitives);
+        nodes.chain(blocks).chain([self.root.0])
+    }
+}

@@ -1,0 +1,148 @@
+//! Eight lanes of f32, in one vocabulary for every instruction set.
+//!
+//! [`Simd`] is a token: holding one proves that the processor has the instructions behind it. Algorithms are written
+//! once, generic over the token, and inlined into [`Simd::vectorize`], which compiles them for that instruction set.
+//! [`Portable`] is the plain twin; every operation is elementwise IEEE arithmetic without contraction, and `min`/`max`
+//! follow the rule of x86 (`a < b ? a : b`, `a > b ? a : b`: the second operand when either is NaN), so all tokens give
+//! the same bits.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod portable;
+
+#[cfg(target_arch = "x86_64")]
+pub use avx2::Avx2;
+pub use portable::Portable;
+
+/// Eight floats, aligned for vector loads.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(32))]
+pub struct F8(pub [f32; 8]);
+
+/// Proof that an instruction set is available, and its operations on eight lanes.
+pub trait Simd: Copy + Send + Sync + 'static {
+    /// Eight f32 in registers.
+    type Vector: Copy;
+
+    /// Name as shown in outputs: `portable`, `avx2`.
+    const NAME: &'static str;
+
+    /// Runs `f` compiled for this instruction set. `f` and all it calls must be `#[inline(always)]` to profit.
+    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R;
+
+    /// All lanes the same.
+    fn splat(self, value: f32) -> Self::Vector;
+    /// From memory.
+    fn load(self, from: &F8) -> Self::Vector;
+    /// To memory.
+    fn store(self, vector: Self::Vector) -> F8;
+    /// a + b.
+    fn add(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// a − b.
+    fn sub(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// a · b.
+    fn mul(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a < b ? a : b`.
+    fn min(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a > b ? a : b`.
+    fn max(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// Bit i is set where lane i of a ≤ lane i of b; never for NaN.
+    fn le(self, a: Self::Vector, b: Self::Vector) -> u32;
+}
+
+/// An algorithm that runs under any [`Simd`] token; see [`dispatch`].
+pub trait WithSimd {
+    /// What it returns.
+    type Output;
+    /// The algorithm. Mark it `#[inline(always)]`.
+    fn run<S: Simd>(self, simd: S) -> Self::Output;
+}
+
+/// Which instruction set to use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Isa {
+    /// The best that the processor has.
+    #[default]
+    Auto,
+    /// Plain Rust, on any processor.
+    Portable,
+    /// AVX2; falls back to portable where it is missing.
+    Avx2,
+}
+
+impl Isa {
+    /// The instruction set that will really run.
+    pub fn resolve(self) -> Self {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Auto | Self::Avx2 if Avx2::detect().is_some() => Self::Avx2,
+            _ => Self::Portable,
+        }
+    }
+
+    /// Name of the instruction set that will really run: `portable`, `avx2`.
+    pub fn name(self) -> &'static str {
+        match self.resolve() {
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => Avx2::NAME,
+            _ => Portable::NAME,
+        }
+    }
+}
+
+/// Runs an algorithm under the instruction set `isa`, compiled for it. Choose once, outside hot loops.
+#[inline]
+pub fn dispatch<W: WithSimd>(isa: Isa, work: W) -> W::Output {
+    #[cfg(target_arch = "x86_64")]
+    if isa != Isa::Portable
+        && let Some(avx2) = Avx2::detect()
+    {
+        return avx2.vectorize(
+            #[inline(always)]
+            || work.run(avx2),
+        );
+    }
+    let _ = isa;
+    work.run(Portable)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every operation on every pair of awkward values must give the same bits under every token.
+    #[test]
+    fn all_instruction_sets_agree_bit_for_bit() {
+        struct Ops(F8, F8);
+        impl WithSimd for Ops {
+            type Output = ([[u32; 8]; 5], u32);
+            #[inline(always)]
+            fn run<S: Simd>(self, s: S) -> Self::Output {
+                let (a, b) = (s.load(&self.0), s.load(&self.1));
+                let results = [s.add(a, b), s.sub(a, b), s.mul(a, b), s.min(a, b), s.max(a, b)];
+                // The payload of a NaN is not defined by IEEE arithmetic; that it is one is.
+                let bits = |f: f32| if f.is_nan() { 0x7fc0_0000 } else { f.to_bits() };
+                (results.map(|v| s.store(v).0.map(bits)), s.le(a, b))
+            }
+        }
+        let awkward = [
+            0.0,
+            -0.0,
+            1.0,
+            -1.0,
+            f32::NAN,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            f32::MIN_POSITIVE,
+            1e-42,
+            3.3e38,
+        ];
+        for &x in &awkward {
+            for &y in &awkward {
+                let (a, b) = (F8([x, 1.0, y, x, 0.1, y, x, 7.0]), F8([y, x, 1.0, y, 0.3, x, x, y]));
+                assert_eq!(dispatch(Isa::Portable, Ops(a, b)), dispatch(Isa::Auto, Ops(a, b)), "{x} {y}");
+            }
+        }
+    }
+}
