@@ -1,0 +1,173 @@
+//! One tile's samples: the loop that is compiled for each instruction set, scene class and instrumentation.
+
+use crate::camera::FilmCamera;
+use crate::path::{Class, FullClass, LobesClass, MatteClass, PathResult, PathSettings, trace};
+use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind};
+use crate::scene::{RenderScene, SceneClass};
+use glam::Vec3;
+use hotspot_bvh::simd::{Simd, WithSimd};
+use hotspot_cost::{PathEnd, TileRecorder};
+use hotspot_probe::{NoProbe, Probe};
+use std::ops::Range;
+use std::time::Instant;
+
+/// A camera sample whose radiance was not finite; it counts as black.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct NonFinite {
+    /// Pixel row.
+    pub y: u32,
+    /// Pixel column.
+    pub x: u32,
+    /// Sample index within the pixel (within its half under intervals).
+    pub sample: u64,
+    /// Half, 0 or 1.
+    pub half: usize,
+}
+
+/// What all tiles of a render share.
+pub(crate) struct Kernel<'a> {
+    pub(crate) scene: &'a RenderScene,
+    pub(crate) camera: FilmCamera,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) path: PathSettings,
+    pub(crate) sampler: SamplerKind,
+    pub(crate) seed: u64,
+    pub(crate) halves: usize,
+    /// Samples below this are counted, the others run on the plain kernel.
+    pub(crate) counted: u64,
+    pub(crate) radiance: bool,
+    pub(crate) clock: bool,
+}
+
+/// A tile and the samples to take of each of its pixels.
+pub(crate) struct TileJob<'a> {
+    pub(crate) kernel: &'a Kernel<'a>,
+    pub(crate) tile: &'a mut TileRecorder,
+    /// Sample numbers over both halves: number n is sample n / halves of half n % halves.
+    pub(crate) samples: Range<u64>,
+    pub(crate) non_finite: &'a mut Vec<NonFinite>,
+}
+
+impl WithSimd for TileJob<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        match self.kernel.scene.class() {
+            SceneClass::Matte => simd.vectorize(
+                #[inline(always)]
+                || self.pixels::<S, MatteClass>(simd),
+            ),
+            SceneClass::Lobes => simd.vectorize(
+                #[inline(always)]
+                || self.pixels::<S, LobesClass>(simd),
+            ),
+            SceneClass::Full => simd.vectorize(
+                #[inline(always)]
+                || self.pixels::<S, FullClass>(simd),
+            ),
+        }
+    }
+}
+
+/// The numbers of `samples` that belong to `half`, as indices within the half.
+fn of_half(samples: &Range<u64>, half: u64, halves: u64) -> Range<u64> {
+    let index = |n: u64| (n + halves - 1 - half) / halves;
+    index(samples.start)..index(samples.end)
+}
+
+impl TileJob<'_> {
+    #[inline(always)]
+    fn pixels<S: Simd, C: Class>(self, simd: S) {
+        let Self { kernel, tile, samples, non_finite } = self;
+        let halves = kernel.halves as u64;
+        let counts = tile.has_cost();
+        let counted = if counts { kernel.counted } else { 0 };
+        let split = |range: Range<u64>, half: u64| {
+            let bound = of_half(&(0..counted), half, halves).end.clamp(range.start, range.end);
+            (range.start..bound, bound..range.end)
+        };
+        let mut clock = kernel.clock.then(Instant::now);
+        for (x, y) in tile.rect().pixels() {
+            for half in 0..kernel.halves {
+                let range = of_half(&samples, half as u64, halves);
+                let (counting, plain) = split(range.clone(), half as u64);
+                let pixel_sampler = PixelSampler::new(kernel.sampler, x, y, half as u32, kernel.seed);
+                let mut film = *tile.film_mut(x, y, half);
+                let mut keep = |index: u64, result: &PathResult| {
+                    if kernel.radiance {
+                        let finite = result.radiance.is_finite();
+                        if !finite {
+                            non_finite.push(NonFinite { x, y, sample: index, half });
+                        }
+                        film.add(if finite { result.radiance.to_array() } else { [0.0; 3] });
+                    }
+                };
+                if !counting.is_empty() {
+                    let mut pixel = tile.pixel(x, y, half);
+                    for index in counting {
+                        let mut path = pixel.path();
+                        let result =
+                            sample::<S, _, C>(simd, kernel, x, y, &pixel_sampler.sample(index), &mut path);
+                        path.end(PathEnd {
+                            cause: result.cause,
+                            throughput: result.throughput,
+                            brought_radiance: result.radiance != Vec3::ZERO,
+                            first_object: result.first_object,
+                        });
+                        keep(index, &result);
+                    }
+                }
+                for index in plain {
+                    let result =
+                        sample::<S, _, C>(simd, kernel, x, y, &pixel_sampler.sample(index), &mut NoProbe);
+                    keep(index, &result);
+                }
+                *tile.film_mut(x, y, half) = film;
+                if let Some(start) = &mut clock {
+                    // One reading per visit: the end of one is the start of the next.
+                    let now = Instant::now();
+                    let nanoseconds = now.duration_since(*start).as_nanos() as u64;
+                    tile.add_time(x, y, half, nanoseconds, range.end - range.start);
+                    *start = now;
+                }
+            }
+        }
+    }
+}
+
+/// One camera sample.
+#[inline(always)]
+fn sample<S: Simd, P: Probe, C: Class>(
+    simd: S,
+    kernel: &Kernel<'_>,
+    x: u32,
+    y: u32,
+    sampler: &Sampler,
+    probe: &mut P,
+) -> PathResult {
+    let [u, v, _, _] = sampler.get(Dimensions::CAMERA);
+    let film_x = (x as f32 + u) / kernel.width as f32;
+    let film_y = (y as f32 + v) / kernel.height as f32;
+    let (origin, direction) = kernel.camera.ray(film_x, film_y);
+    trace::<S, P, C>(simd, kernel.scene, &kernel.path, origin, direction, sampler, probe)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_share_the_sample_numbers() {
+        for halves in [1, 2u64] {
+            for (start, end) in [(0, 0), (0, 1), (0, 7), (3, 8), (4, 5)] {
+                let mut numbers: Vec<u64> = (0..halves)
+                    .flat_map(|h| of_half(&(start..end), h, halves).map(move |i| i * halves + h))
+                    .collect();
+                numbers.sort_unstable();
+                assert_eq!(numbers, (start..end).collect::<Vec<_>>());
+            }
+        }
+    }
+}

@@ -1,0 +1,22 @@
+//! A path tracer as a library: one pass gives the radiance and what every pixel cost.
+#![forbid(unsafe_code)]
+
+mod bsdf;
+mod camera;
+mod geometry;
+mod kernel;
+mod light;
+mod math;
+mod path;
+mod render;
+mod sampler;
+mod scene;
+mod texture;
+
+pub use camera::frame_bounds;
+pub use hotspot_bvh::simd::Isa;
+pub use hotspot_bvh::{BuildOptions, Quality};
+pub use kernel::NonFinite;
+pub use render::{Control, Gather, Progress, Rendered, Settings, Stop, render};
+pub use sampler::SamplerKind;
+pub use scene::{PrepareError, RenderScene, SceneClass, SceneMemory};

@@ -1,0 +1,334 @@
+//! The path loop: one camera sample, from the camera to its end.
+//!
+//! Unidirectional path tracing with one light sample at each non-specular vertex; multiple importance sampling (power
+//! heuristic) between light and BSDF sampling. The BSDF half reuses the continuation ray, so a vertex casts two rays, not
+//! three as in pbrt-v3. Roulette follows pbrt-v3 (Pharr, Jakob, Humphreys, *Physically Based Rendering*, 3rd edition,
+//! section 14.5.4). Shading happens in the shading frame, turned to the side of the path; emitters use geometric normals.
+
+use crate::bsdf::{Bsdf, Glass, RoughMetal, Substrate};
+use crate::geometry::{Part, SurfacePoint};
+use crate::light::{LightTarget, area_to_solid_angle};
+use crate::math::{Frame, power_heuristic};
+use crate::sampler::{Dimensions, Sampler};
+use crate::scene::RenderScene;
+use crate::texture::{color, scalar};
+use glam::{Vec2, Vec3};
+use hotspot_bvh::Ray;
+use hotspot_bvh::simd::Simd;
+use hotspot_cost::Cause;
+use hotspot_probe::{NONE, Probe, RayKind, Spawner};
+
+/// What a kernel is compiled for.
+pub(crate) trait Class {
+    /// Surfaces other than matte.
+    const LOBES: bool;
+    /// Textures and mixed materials.
+    const TEXTURED: bool;
+}
+
+pub(crate) struct MatteClass;
+pub(crate) struct LobesClass;
+pub(crate) struct FullClass;
+
+impl Class for MatteClass {
+    const LOBES: bool = false;
+    const TEXTURED: bool = false;
+}
+impl Class for LobesClass {
+    const LOBES: bool = true;
+    const TEXTURED: bool = false;
+}
+impl Class for FullClass {
+    const LOBES: bool = true;
+    const TEXTURED: bool = true;
+}
+
+/// Settings of the loop.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PathSettings {
+    /// Most scattering events.
+    pub(crate) max_depth: u32,
+    /// Index of the first surface vertex after which roulette may end the path; `u32::MAX`: never.
+    pub(crate) roulette_from: u32,
+    /// Whether shadow rays are traced or only counted.
+    pub(crate) trace_shadow_rays: bool,
+}
+
+/// What a path brought and how it ended.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PathResult {
+    pub(crate) radiance: Vec3,
+    pub(crate) cause: Cause,
+    pub(crate) throughput: f32,
+    pub(crate) first_object: u32,
+}
+
+/// How the last vertex took the direction of the present ray: what MIS needs at the next emitter.
+#[derive(Clone, Copy)]
+struct Scattered {
+    /// BSDF pdf; infinite after a specular event or from the camera: the emitter counts in full.
+    pdf: f32,
+    /// Cosine of the direction with the vertex's shading normal.
+    cos: f32,
+}
+
+/// Traces one path.
+#[inline(always)]
+pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
+    simd: S,
+    scene: &RenderScene,
+    settings: &PathSettings,
+    origin: Vec3,
+    direction: Vec3,
+    sampler: &Sampler,
+    probe: &mut P,
+) -> PathResult {
+    let mut ray = Ray::new(origin.to_array(), direction.to_array());
+    let mut wo = -direction;
+    let mut radiance = Vec3::ZERO;
+    let mut throughput = Vec3::ONE;
+    let mut eta_scale = 1.0f32;
+    let mut spawner = Spawner::CAMERA;
+    let mut scattered = Scattered { pdf: f32::INFINITY, cos: 1.0 };
+    let mut first_object = NONE;
+    let mut bounces = 0u32;
+    let end = |radiance, cause, throughput: Vec3, first_object| PathResult {
+        radiance,
+        cause,
+        throughput: throughput.max_element(),
+        first_object,
+    };
+
+    loop {
+        let Some(hit) = scene.bvh.closest_hit_with(simd, &ray, probe.ray(spawner)) else {
+            if let Some(environment) = scene.lights.environment {
+                let weight = power_heuristic(scattered.pdf, scene.lights.environment_pdf(scattered.cos));
+                radiance += throughput * environment * weight;
+            }
+            return end(radiance, Cause::Escaped, throughput, first_object);
+        };
+        let part = scene.geometry.part(hit.primitive);
+        if bounces == 0 {
+            first_object = part.object;
+        }
+        let material = &scene.materials[part.material as usize];
+        let geometric = Vec3::from_array(hit.normal);
+        let (mut normal, uv) = if C::TEXTURED {
+            scene.geometry.shading::<true>(&hit, part)
+        } else {
+            scene.geometry.shading::<false>(&hit, part)
+        };
+
+        if part.light_pdf_area > 0.0 {
+            let cos = wo.dot(geometric);
+            if cos > 0.0 || (material.double_sided && cos < 0.0) {
+                let emission = if C::TEXTURED {
+                    color(&scene.textures, &material.emission, uv, probe)
+                } else {
+                    Vec3::from_array(material.emission.factor)
+                };
+                let light_pdf = area_to_solid_angle(part.light_pdf_area, hit.t * hit.t, cos);
+                radiance += throughput * emission * power_heuristic(scattered.pdf, light_pdf);
+            }
+        }
+        if bounces >= settings.max_depth {
+            return end(radiance, Cause::DepthLimit, throughput, first_object);
+        }
+
+        // The shading frame, turned to the path's side.
+        let front = wo.dot(normal) >= 0.0;
+        if !front {
+            normal = -normal;
+        }
+        let frame = Frame::new(normal);
+        let local_wo = frame.to_local(wo);
+        let choices = if C::LOBES { sampler.get(Dimensions::choices(bounces)) } else { [0.0; 4] };
+        let resolved = resolve::<P, C>(scene, &material.bsdf, uv, front, choices[2], probe);
+        let point = scene.geometry.point(hit.primitive, hit.u, hit.v);
+        let directions = sampler.get(Dimensions::directions(bounces));
+
+        if !resolved.is_specular() {
+            let direct = sample_light::<S, P, C>(
+                simd,
+                scene,
+                settings,
+                &Vertex { part, point: &point, geometric, frame: &frame, local_wo, bounce: bounces },
+                &resolved,
+                [directions[2], directions[3]],
+                probe,
+            );
+            radiance += throughput * direct;
+        }
+
+        probe.bsdf(1);
+        let u = Vec2::new(directions[0], directions[1]);
+        let Some(sample) = resolved.sample(local_wo, choices[0], u) else {
+            return end(radiance, Cause::Absorbed, throughput, first_object);
+        };
+        throughput *= sample.weight;
+        eta_scale *= sample.eta_scale;
+
+        if bounces >= settings.roulette_from {
+            let survival = throughput.max_element() * eta_scale;
+            if survival < 1.0 {
+                let survival = survival.min(0.95);
+                let choice = if C::LOBES { choices[1] } else { sampler.get(Dimensions::choices(bounces))[1] };
+                if choice >= survival {
+                    return end(radiance, Cause::Roulette, throughput, first_object);
+                }
+                throughput /= survival;
+            }
+        }
+
+        let wi = frame.to_world(sample.wi);
+        let side = if wi.dot(geometric) < 0.0 { -geometric } else { geometric };
+        ray = Ray::new(point.leave(side).to_array(), wi.to_array());
+        wo = -wi;
+        scattered = Scattered { pdf: sample.pdf, cos: sample.wi.z };
+        bounces += 1;
+        spawner = Spawner {
+            object: part.object,
+            material: part.material,
+            bounce: bounces,
+            kind: RayKind::Bounce,
+            light: NONE,
+        };
+    }
+}
+
+/// A surface vertex, as light sampling sees it.
+struct Vertex<'a> {
+    part: &'a Part,
+    point: &'a SurfacePoint,
+    geometric: Vec3,
+    frame: &'a Frame,
+    local_wo: Vec3,
+    bounce: u32,
+}
+
+/// The light-sampled half of direct light, weighted.
+#[inline(always)]
+fn sample_light<S: Simd, P: Probe, C: Class>(
+    simd: S,
+    scene: &RenderScene,
+    settings: &PathSettings,
+    vertex: &Vertex<'_>,
+    bsdf: &Bsdf,
+    u: [f32; 2],
+    probe: &mut P,
+) -> Vec3 {
+    let lights = &scene.lights;
+    let Some(light) = lights.sample(&scene.geometry, vertex.point.p, vertex.frame, u) else {
+        return Vec3::ZERO;
+    };
+    probe.bsdf(1);
+    let (f_cos, bsdf_pdf) = bsdf.eval(vertex.local_wo, vertex.frame.to_local(light.wi));
+    if f_cos == Vec3::ZERO {
+        return Vec3::ZERO;
+    }
+    let side = if light.wi.dot(vertex.geometric) < 0.0 { -vertex.geometric } else { vertex.geometric };
+    let origin = vertex.point.leave(side);
+    let (emission, ray, aim) = match light.target {
+        LightTarget::Environment(radiance) => {
+            (radiance, Ray::new(origin.to_array(), light.wi.to_array()), NONE)
+        }
+        LightTarget::Surface { primitive, point, uv, cos, normal } => {
+            let part = scene.geometry.part(primitive);
+            let material = &scene.materials[part.material as usize];
+            if !(cos > 0.0 || (material.double_sided && cos < 0.0)) {
+                return Vec3::ZERO;
+            }
+            let emission = if C::TEXTURED {
+                let uv = scene.geometry.uv(primitive, uv.x, uv.y);
+                color(&scene.textures, &material.emission, uv, probe)
+            } else {
+                Vec3::from_array(material.emission.factor)
+            };
+            // Ends short of the light's surface by its own bound.
+            let target = point.leave(if cos < 0.0 { -normal } else { normal });
+            let mut ray = Ray::new(origin.to_array(), (target - origin).to_array());
+            ray.t_max = 1.0;
+            (emission, ray, part.object)
+        }
+    };
+    if emission == Vec3::ZERO {
+        return Vec3::ZERO;
+    }
+    let spawner = Spawner {
+        object: vertex.part.object,
+        material: vertex.part.material,
+        bounce: vertex.bounce,
+        kind: RayKind::Shadow,
+        light: aim,
+    };
+    if !settings.trace_shadow_rays {
+        probe.untraced(spawner);
+        return Vec3::ZERO;
+    }
+    if scene.bvh.occluded_with(simd, &ray, probe.ray(spawner)) {
+        return Vec3::ZERO;
+    }
+    f_cos * emission * (power_heuristic(light.pdf, bsdf_pdf) / light.pdf)
+}
+
+/// The material at a point: textures looked up, one part of a mixed material chosen by `choice`.
+#[inline(always)]
+fn resolve<P: Probe, C: Class>(
+    scene: &RenderScene,
+    bsdf: &hotspot_scene::Bsdf,
+    uv: Vec2,
+    front: bool,
+    choice: f32,
+    probe: &mut P,
+) -> Bsdf {
+    use hotspot_scene::Bsdf as Given;
+    if !C::LOBES {
+        return match bsdf {
+            Given::Matte { reflectance } => Bsdf::Matte(Vec3::from_array(reflectance.factor)),
+            _ => unreachable!("a scene of class matte holds only matte surfaces"),
+        };
+    }
+    let mut bsdf = bsdf;
+    if C::TEXTURED {
+        // A linear mix is the expectation of choosing one part with its share as probability. Mixes do not nest.
+        if let Given::Mix { metallic, base, metal } = bsdf {
+            let share = scalar(&scene.textures, metallic, uv, probe);
+            bsdf = if choice < share { metal } else { base };
+        }
+    }
+    let mut colored = |c: &hotspot_scene::Color| {
+        if C::TEXTURED { color(&scene.textures, c, uv, probe) } else { Vec3::from_array(c.factor) }
+    };
+    // α = max(roughness², 1e-3)
+    match bsdf {
+        Given::Matte { reflectance } => Bsdf::Matte(colored(reflectance)),
+        Given::Substrate { diffuse, specular, roughness } => Bsdf::Substrate(Substrate {
+            diffuse: colored(diffuse),
+            specular: Vec3::from_array(*specular),
+            alpha: alpha::<P, C>(scene, roughness, uv, probe),
+        }),
+        Given::Mirror { reflectance } => Bsdf::Mirror(colored(reflectance)),
+        Given::RoughMetal { f0, roughness } => Bsdf::RoughMetal(RoughMetal {
+            f0: colored(f0),
+            alpha: alpha::<P, C>(scene, roughness, uv, probe),
+        }),
+        Given::Glass { ior, thin, transmittance } => Bsdf::Glass(Glass {
+            transmittance: colored(transmittance),
+            eta: if *thin || front { *ior } else { 1.0 / *ior },
+            thin: *thin,
+        }),
+        Given::Mix { .. } => Bsdf::Matte(Vec3::ZERO),
+    }
+}
+
+#[inline(always)]
+fn alpha<P: Probe, C: Class>(
+    scene: &RenderScene,
+    roughness: &hotspot_scene::Scalar,
+    uv: Vec2,
+    probe: &mut P,
+) -> f32 {
+    let roughness =
+        if C::TEXTURED { scalar(&scene.textures, roughness, uv, probe) } else { roughness.factor };
+    (roughness * roughness).max(1e-3)
+}
