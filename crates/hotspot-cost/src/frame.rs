@@ -76,9 +76,17 @@ impl Frame {
     }
 
     /// Adds a recorder's sums; what lies outside the frame is ignored. Integer sums do not depend on the order of
-    /// merging; the f64 sums of a pixel do in their last bits where several recorders cover it.
+    /// merging; where several recorders cover a pixel, its f64 sums do in their last bits, and its `first_object` is that
+    /// of the recorder merged first.
     pub fn merge(&mut self, recorder: &TileRecorder) {
-        for tile in &mut self.tiles {
+        let whole = Rect { x: 0, y: 0, width: self.desc.width, height: self.desc.height };
+        let shared = whole.intersection(&recorder.rect());
+        if shared.area() == 0 {
+            return;
+        }
+        let first = self.tile_index(shared.x, shared.y);
+        let last = self.tile_index(shared.x + shared.width - 1, shared.y + shared.height - 1);
+        for tile in &mut self.tiles[first..=last] {
             tile.merge(recorder);
         }
     }
@@ -89,11 +97,16 @@ impl Frame {
         (pixels * (size_of::<FilmPixel>() + if self.desc.cost { size_of::<CostPixel>() } else { 0 })) as u64
     }
 
+    /// Index of the tile that covers a pixel inside the frame.
+    const fn tile_index(&self, x: u32, y: u32) -> usize {
+        (y / self.desc.tile) as usize * self.tiles_per_row as usize + (x / self.desc.tile) as usize
+    }
+
     fn tile_at(&self, x: u32, y: u32) -> Option<&TileRecorder> {
         if x >= self.desc.width || y >= self.desc.height {
             return None;
         }
-        self.tiles.get((y / self.desc.tile * self.tiles_per_row + x / self.desc.tile) as usize)
+        self.tiles.get(self.tile_index(x, y))
     }
 
     /// Radiance sums of a pixel's half; `None` outside the frame.
@@ -104,5 +117,33 @@ impl Frame {
     /// Cost sums of a pixel's half; `None` outside the frame or without cost.
     pub fn cost(&self, x: u32, y: u32, half: usize) -> Option<&CostPixel> {
         self.tile_at(x, y)?.cost(x, y, half)
+    }
+
+    /// Coordinates of all pixels, row by row from the top.
+    pub fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
+        Rect { x: 0, y: 0, width: self.desc.width, height: self.desc.height }.pixels()
+    }
+
+    /// Radiance sums of a pixel, both halves together; empty outside the frame.
+    pub fn film_total(&self, x: u32, y: u32) -> FilmPixel {
+        let mut total = FilmPixel::default();
+        for film in (0..self.halves()).filter_map(|half| self.film(x, y, half)) {
+            total.merge(film);
+        }
+        total
+    }
+
+    /// Cost sums of a pixel, both halves together; empty outside the frame or without cost.
+    pub fn cost_total(&self, x: u32, y: u32) -> CostPixel {
+        let mut total = CostPixel::default();
+        for cost in (0..self.halves()).filter_map(|half| self.cost(x, y, half)) {
+            total.merge(cost);
+        }
+        total
+    }
+
+    /// The cost sums of every pixel and half, tile by tile; empty without cost.
+    pub fn costs(&self) -> impl Iterator<Item = &CostPixel> {
+        self.tiles.iter().flat_map(TileRecorder::costs)
     }
 }

@@ -40,7 +40,20 @@ impl Rect {
 
     /// Absolute coordinates of the pixels, row by row from the top.
     pub fn pixels(self) -> impl Iterator<Item = (u32, u32)> {
-        (self.y..self.y + self.height).flat_map(move |y| (self.x..self.x + self.width).map(move |x| (x, y)))
+        let (right, bottom) = (self.x.saturating_add(self.width), self.y.saturating_add(self.height));
+        (self.y..bottom).flat_map(move |y| (self.x..right).map(move |x| (x, y)))
+    }
+
+    /// What it shares with another; empty (0 × 0) when they lie apart.
+    pub fn intersection(&self, other: &Self) -> Self {
+        let (x, y) = (self.x.max(other.x), self.y.max(other.y));
+        let right = self.x.saturating_add(self.width).min(other.x.saturating_add(other.width));
+        let bottom = self.y.saturating_add(self.height).min(other.y.saturating_add(other.height));
+        if x < right && y < bottom {
+            Self { x, y, width: right - x, height: bottom - y }
+        } else {
+            Self { x: 0, y: 0, width: 0, height: 0 }
+        }
     }
 }
 
@@ -67,7 +80,7 @@ impl FilmPixel {
         self.samples += 1;
     }
 
-    fn merge(&mut self, other: &Self) {
+    pub(crate) fn merge(&mut self, other: &Self) {
         for channel in 0..3 {
             self.sum[channel] += other.sum[channel];
             self.squares[channel] += other.squares[channel];
@@ -122,7 +135,7 @@ impl CostPixel {
         self.counts[counter as usize] += value;
     }
 
-    fn merge(&mut self, other: &Self) {
+    pub(crate) fn merge(&mut self, other: &Self) {
         if self.samples == 0 {
             self.first_object = other.first_object;
         }
@@ -215,16 +228,25 @@ impl TileRecorder {
         pixel.time_samples += samples;
     }
 
-    /// Radiance sums of a pixel's half, `None` outside the tile.
+    /// Radiance sums of a pixel's half, `None` outside the tile or for a half that does not exist.
     pub fn film(&self, x: u32, y: u32, half: usize) -> Option<&FilmPixel> {
-        let index = self.rect.index(x, y)?;
-        self.film.get(index * self.halves + half)
+        self.film.get(self.checked_index(x, y, half)?)
     }
 
-    /// Cost sums of a pixel's half, `None` outside the tile or without cost.
+    /// Cost sums of a pixel's half, `None` outside the tile, for a half that does not exist, or without cost.
     pub fn cost(&self, x: u32, y: u32, half: usize) -> Option<&CostPixel> {
+        self.cost.get(self.checked_index(x, y, half)?)
+    }
+
+    #[inline]
+    fn checked_index(&self, x: u32, y: u32, half: usize) -> Option<usize> {
         let index = self.rect.index(x, y)?;
-        self.cost.get(index * self.halves + half)
+        (half < self.halves).then_some(index * self.halves + half)
+    }
+
+    /// The cost sums of all pixels and halves.
+    pub(crate) fn costs(&self) -> impl Iterator<Item = &CostPixel> {
+        self.cost.iter()
     }
 
     #[inline]
@@ -236,17 +258,18 @@ impl TileRecorder {
         }
     }
 
-    /// Adds the sums of `other` where the rectangles overlap. Halves beyond this recorder's are ignored.
+    /// Adds the sums of `other` where the rectangles overlap. Halves that this recorder lacks go to its last one, so that no
+    /// count is lost.
     pub(crate) fn merge(&mut self, other: &Self) {
-        for (x, y) in self.rect.pixels() {
-            for half in 0..self.halves.min(other.halves) {
+        for (x, y) in self.rect.intersection(&other.rect).pixels() {
+            for half in 0..other.halves {
+                let index = self.index(x, y, half.min(self.halves - 1));
                 if let Some(theirs) = other.film(x, y, half) {
-                    self.film_mut(x, y, half).merge(theirs);
+                    self.film[index].merge(theirs);
                 }
                 if self.has_cost()
                     && let Some(theirs) = other.cost(x, y, half)
                 {
-                    let index = self.index(x, y, half);
                     self.cost[index].merge(theirs);
                 }
             }
@@ -432,3 +455,6 @@ impl RayProbe for RayCounter<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

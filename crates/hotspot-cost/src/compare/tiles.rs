@@ -1,0 +1,77 @@
+//! Which tiles changed.
+
+use crate::analysis::TILE;
+use crate::student::Variance;
+
+/// Flags every pixel whose 8 × 8 tile changed. `differences` holds for each pixel (b − a, half_b − half_a).
+pub(super) fn test(width: u32, height: u32, differences: &[[f64; 2]]) -> Vec<bool> {
+    let columns = width.div_ceil(TILE);
+    let tile = |index: usize| {
+        let (x, y) = (index as u32 % width, index as u32 / width);
+        (y / TILE * columns + x / TILE) as usize
+    };
+    let mut sums = vec![(0.0, 0.0, Variance::default()); (columns * height.div_ceil(TILE)) as usize];
+    for (index, [difference, half]) in differences.iter().enumerate() {
+        let (sum, size, variance) = &mut sums[tile(index)];
+        if difference.is_finite() && half.is_finite() {
+            *sum += difference;
+            *size += difference.abs();
+            variance.add(half * half, 1.0);
+        }
+    }
+    let p_values: Vec<f64> = sums
+        .iter()
+        .map(|(sum, size, variance)| {
+            // What cancels to rounding noise is no change.
+            if sum.abs() <= 1e-9 * size { 1.0 } else { variance.p_value(*sum) }
+        })
+        .collect();
+    let limit = benjamini_hochberg(&p_values, super::FALSE_DISCOVERY_RATE);
+    (0..differences.len()).map(|index| p_values[tile(index)] <= limit).collect()
+}
+
+/// The largest p-value to reject so that the expected share of false rejections stays at `rate`; below 0 when none is.
+/// Sorted p-values: the last k with p_k ≤ rate·k/m.
+pub(super) fn benjamini_hochberg(p_values: &[f64], rate: f64) -> f64 {
+    let mut sorted = p_values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let count = sorted.len() as f64;
+    sorted
+        .iter()
+        .enumerate()
+        .rev()
+        .find(|(index, p)| **p <= rate * (index + 1) as f64 / count)
+        .map_or(-1.0, |(_, p)| *p)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn benjamini_hochberg_on_the_papers_example() {
+        // Benjamini and Hochberg 1995, section 4: 15 p-values, of which the procedure rejects four at 5 %.
+        let p = [
+            0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459, 0.3240, 0.4262, 0.5719, 0.6528,
+            0.7590, 1.0,
+        ];
+        assert_eq!(benjamini_hochberg(&p, 0.05), 0.0095);
+        assert_eq!(benjamini_hochberg(&[0.2, 0.9], 0.05), -1.0);
+        assert_eq!(benjamini_hochberg(&[], 0.05), -1.0);
+    }
+
+    #[test]
+    fn a_changed_tile_is_flagged_to_its_border_and_no_further() {
+        let differences: Vec<[f64; 2]> = (0..20 * 12)
+            .map(|index| {
+                let (x, y) = (index % 20, index / 20);
+                let half = if (x + y) % 2 == 0 { 0.1 } else { -0.1 };
+                [if x >= 16 && y >= 8 { 1.0 } else { 0.0 } + half, half]
+            })
+            .collect();
+        let flags = test(20, 12, &differences);
+        for (index, flag) in flags.iter().enumerate() {
+            assert_eq!(*flag, index % 20 >= 16 && index / 20 >= 8, "pixel {index}");
+        }
+    }
+}

@@ -1,0 +1,287 @@
+//! Where the cost is: hotspots, their share, and why in plain words.
+//!
+//! The paper (section 3) calls a region above the mean cost of all pixels a hotspot. So that a picture falls into parts,
+//! ours are 8-connected components of at least [`MIN_PIXELS`] pixels, each of one first-hit object, where the smoothed
+//! cost's lower bound exceeds the mean; ranked by excess cost Σ (cost − mean). Smoothing averages the pixels of the same
+//! object in a 9×9 window (about a tile), so that cost does not bleed from one object onto its neighbour.
+
+mod smooth;
+mod words;
+
+pub use smooth::smoothed_lower_bound;
+pub use words::verdict;
+
+use crate::analysis::median;
+use crate::frame::Frame;
+use crate::layers::{LayerOptions, Layers};
+use crate::metric::{CostModel, Metric};
+use crate::metric_set::MetricSet;
+use hotspot_probe::NONE;
+use serde::{Deserialize, Serialize};
+
+/// Smaller components are not reported.
+pub const MIN_PIXELS: usize = 16;
+
+/// Planes to look for hotspots in; all of width × height values, row by row from the top, and empty where unknown (only
+/// `cost` is needed).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct HotspotInput<'a> {
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Mean cost per path: `intersection`, or any other measure.
+    pub cost: &'a [f32],
+    /// Smoothed lower bound of `cost` ([`smoothed_lower_bound`]); empty: `cost` itself, smoothed.
+    pub lower: &'a [f32],
+    /// First-hit object of each pixel, [`NONE`] for the background.
+    pub objects: &'a [u32],
+    /// Mean rays per path.
+    pub rays: &'a [f32],
+    /// Mean nodes per path.
+    pub nodes: &'a [f32],
+    /// Mean triangles tested per path.
+    pub shapes: &'a [f32],
+    /// Mean cost in vain per path, in the unit of `cost`.
+    pub waste: &'a [f32],
+}
+
+/// One hotspot. Shares are of 1.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Hotspot {
+    /// Rank, 1 for the largest excess.
+    pub rank: usize,
+    /// Left, top, right, bottom in pixels; right and bottom excluded.
+    pub bbox: [u32; 4],
+    /// Its pixels.
+    pub pixels: usize,
+    /// Its share of all pixels.
+    pub pixel_share: f64,
+    /// Its share of the frame's cost.
+    pub cost_share: f64,
+    /// Σ (cost − mean) over its pixels.
+    pub excess: f64,
+    /// Its share of the excess of all pixels that are above the mean.
+    pub excess_share: f64,
+    /// Index of the object that its camera rays hit first; absent for the background or when unknown.
+    pub object: Option<u32>,
+    /// The object's name.
+    pub name: Option<String>,
+    /// How it compares with the median pixel.
+    pub factors: Factors,
+    /// The cause in plain words.
+    pub cause: String,
+}
+
+/// A region against the frame's median pixel: 1 is like it, 2 twice as much; absent where the planes are not given or the
+/// median is 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Factors {
+    /// Cost.
+    pub cost: Option<f64>,
+    /// Rays per path.
+    pub rays_per_path: Option<f64>,
+    /// Nodes visited per ray.
+    pub nodes_per_ray: Option<f64>,
+    /// Triangles tested per ray.
+    pub shapes_per_ray: Option<f64>,
+    /// Share of the region's cost spent in vain (0 to 1, not a ratio).
+    pub waste_share: Option<f64>,
+}
+
+/// The hotspots of a frame by `intersection`, at most `most`; `names[object]` names an object. Empty without cost.
+pub fn of_frame(frame: &Frame, model: CostModel, names: &[String], most: usize) -> Vec<Hotspot> {
+    let options = LayerOptions { model, metrics: MetricSet::ALL, radiance: false, var: !frame.desc().intervals };
+    of_layers(&Layers::from_frame(frame, &options), Metric::Intersection, &first_objects(frame), names, most)
+}
+
+/// The hotspots of layers by a metric of choice; `objects` may be empty. The lower bound follows from `half.*`, else from
+/// `var.*`, else it is the smoothed mean itself. Empty without that metric.
+///
+/// # Panics
+/// When `objects` is not empty and does not hold width × height values.
+pub fn of_layers(
+    layers: &Layers,
+    metric: Metric,
+    objects: &[u32],
+    names: &[String],
+    most: usize,
+) -> Vec<Hotspot> {
+    let Some(cost) = layers.metric(metric) else { return Vec::new() };
+    let samples = layers.plane("cost.samples").map_or(2.0, |plane| f64::from(median(plane)));
+    let (variances, dof) = match (layers.half(metric), layers.var(metric)) {
+        (Some(half), _) => (half.iter().map(|half| half * half).collect(), 1.0),
+        (None, Some(var)) => (var.to_vec(), (samples - 1.0).max(1.0)),
+        (None, None) => (vec![0.0; cost.len()], 1.0),
+    };
+    let lower = smoothed_lower_bound(layers.width, layers.height, cost, &variances, dof, objects);
+    let plane = |metric| layers.metric(metric).unwrap_or_default();
+    let input = HotspotInput {
+        width: layers.width,
+        height: layers.height,
+        cost,
+        lower: &lower,
+        objects,
+        rays: plane(Metric::Rays),
+        nodes: plane(Metric::Nodes),
+        shapes: plane(Metric::Shapes),
+        // In units of intersection cost alone is it a share of it.
+        waste: if metric == Metric::Intersection { plane(Metric::Waste) } else { &[] },
+    };
+    find(&input, names, most)
+}
+
+/// The object that each pixel's camera rays hit first, [`NONE`] for the background, row by row from the top.
+pub fn first_objects(frame: &Frame) -> Vec<u32> {
+    frame.pixels().map(|(x, y)| frame.cost_total(x, y).first_object).collect()
+}
+
+/// The hotspots of a picture, at most `most`, by falling excess. `names[object]` names an object.
+///
+/// # Panics
+/// When a plane that is not empty does not hold width × height values.
+pub fn find(input: &HotspotInput<'_>, names: &[String], most: usize) -> Vec<Hotspot> {
+    let cost = input.cost;
+    let pixels = input.width as usize * input.height as usize;
+    assert_eq!(cost.len(), pixels, "the cost plane does not fit its size");
+    for plane in [input.lower, input.rays, input.nodes, input.shapes, input.waste] {
+        assert!(plane.is_empty() || plane.len() == pixels, "a plane does not fit the picture");
+    }
+    let total: f64 = cost.iter().map(|c| f64::from(*c)).sum();
+    let mean = total / pixels as f64;
+    if !total.is_finite() || total <= 0.0 {
+        return Vec::new();
+    }
+    let smoothed;
+    let lower = if input.lower.is_empty() {
+        smoothed =
+            smoothed_lower_bound(input.width, input.height, cost, &vec![0.0; pixels], 1.0, input.objects);
+        &smoothed
+    } else {
+        input.lower
+    };
+    let all_excess: f64 = cost.iter().map(|c| (f64::from(*c) - mean).max(0.0)).sum();
+    let medians = Medians::of(input);
+    let mut found: Vec<Hotspot> = components(input, |index| f64::from(lower[index]) > mean)
+        .into_iter()
+        .filter(|members| members.len() >= MIN_PIXELS)
+        .filter_map(|members| {
+            let sum: f64 = members.iter().map(|index| f64::from(cost[*index])).sum();
+            let excess = sum - mean * members.len() as f64;
+            // A sum over something that hardly stands out may round to nothing.
+            if excess <= 0.0 {
+                return None;
+            }
+            let object = input.objects.get(members[0]).copied().filter(|object| *object != NONE);
+            let factors = medians.factors(input, &members);
+            Some(Hotspot {
+                rank: 0,
+                bbox: bounds(&members, input.width as usize),
+                pixels: members.len(),
+                pixel_share: members.len() as f64 / pixels as f64,
+                cost_share: sum / total,
+                excess,
+                excess_share: excess / all_excess,
+                object,
+                name: object.and_then(|object| names.get(object as usize).cloned()),
+                factors,
+                cause: words::cause(&factors),
+            })
+        })
+        .collect();
+    found.sort_by(|a, b| b.excess.total_cmp(&a.excess).then(a.bbox.cmp(&b.bbox)));
+    found.truncate(most);
+    for (index, hotspot) in found.iter_mut().enumerate() {
+        hotspot.rank = index + 1;
+    }
+    found
+}
+
+/// 8-connected components of the pixels that `hot` accepts, each of one object.
+fn components(input: &HotspotInput<'_>, hot: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
+    let (width, height) = (input.width as usize, input.height as usize);
+    let object = |index: usize| input.objects.get(index).copied().unwrap_or(NONE);
+    let mut open: Vec<bool> = (0..width * height).map(hot).collect();
+    let mut components = Vec::new();
+    for start in 0..open.len() {
+        if !open[start] {
+            continue;
+        }
+        open[start] = false;
+        let mut members = vec![start];
+        let mut next = 0;
+        while let Some(index) = members.get(next).copied() {
+            next += 1;
+            let (x, y) = (index % width, index / width);
+            for row in y.saturating_sub(1)..(y + 2).min(height) {
+                for column in x.saturating_sub(1)..(x + 2).min(width) {
+                    let neighbour = row * width + column;
+                    if open[neighbour] && object(neighbour) == object(start) {
+                        open[neighbour] = false;
+                        members.push(neighbour);
+                    }
+                }
+            }
+        }
+        components.push(members);
+    }
+    components
+}
+
+fn bounds(members: &[usize], width: usize) -> [u32; 4] {
+    let mut bbox = [u32::MAX, u32::MAX, 0, 0];
+    for index in members {
+        let (x, y) = ((index % width) as u32, (index / width) as u32);
+        bbox = [bbox[0].min(x), bbox[1].min(y), bbox[2].max(x + 1), bbox[3].max(y + 1)];
+    }
+    bbox
+}
+
+/// What the median pixel looks like.
+struct Medians {
+    cost: f32,
+    rays: f32,
+    nodes_per_ray: f32,
+    shapes_per_ray: f32,
+}
+
+impl Medians {
+    fn of(input: &HotspotInput<'_>) -> Self {
+        let per_ray = |plane: &[f32]| {
+            let ratios: Vec<f32> =
+                plane.iter().zip(input.rays).filter(|(_, rays)| **rays > 0.0).map(|(v, rays)| v / rays).collect();
+            median(&ratios)
+        };
+        Self {
+            cost: median(input.cost),
+            rays: median(input.rays),
+            nodes_per_ray: per_ray(input.nodes),
+            shapes_per_ray: per_ray(input.shapes),
+        }
+    }
+
+    fn factors(&self, input: &HotspotInput<'_>, members: &[usize]) -> Factors {
+        let sum = |plane: &[f32]| {
+            (!plane.is_empty()).then(|| members.iter().map(|index| f64::from(plane[*index])).sum::<f64>())
+        };
+        let ratio = |value: Option<f64>, by: Option<f64>| match (value, by) {
+            (Some(value), Some(by)) if by > 0.0 => Some(value / by),
+            _ => None,
+        };
+        let against = |value: Option<f64>, median: f32| ratio(value, Some(f64::from(median)));
+        let (cost, rays) = (sum(input.cost), sum(input.rays));
+        let count = Some(members.len() as f64);
+        Factors {
+            cost: against(ratio(cost, count), self.cost),
+            rays_per_path: against(ratio(rays, count), self.rays),
+            nodes_per_ray: against(ratio(sum(input.nodes), rays), self.nodes_per_ray),
+            shapes_per_ray: against(ratio(sum(input.shapes), rays), self.shapes_per_ray),
+            waste_share: ratio(sum(input.waste), cost),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

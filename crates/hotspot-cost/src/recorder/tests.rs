@@ -1,0 +1,212 @@
+use super::*;
+use crate::testing::{Random, SHADOW, random_frame, random_path};
+use crate::{CostModel, Frame, FrameDesc, LayerOptions, Layers, Metric, MetricSet, Sum, stats};
+
+const END: PathEnd =
+    PathEnd { cause: Cause::Escaped, throughput: 1.0, brought_radiance: true, first_object: 3 };
+
+fn desc(intervals: bool) -> FrameDesc {
+    FrameDesc { intervals, tile: 8, ..FrameDesc::new(21, 13) }
+}
+
+/// All sums of a frame, in order.
+fn sums(frame: &Frame) -> Vec<(FilmPixel, CostPixel)> {
+    frame
+        .pixels()
+        .flat_map(|(x, y)| (0..frame.halves()).map(move |half| (x, y, half)))
+        .map(|(x, y, half)| (*frame.film(x, y, half).unwrap(), *frame.cost(x, y, half).unwrap()))
+        .collect()
+}
+
+#[test]
+fn sums_beyond_32_and_53_bits_are_exact() {
+    let mut frame = Frame::new(FrameDesc::new(1, 1));
+    let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
+    let mut path = pixel.path();
+    // 2^22 + 1 rays of 2^32 - 1 nodes: an odd number above 2^53 has no f64.
+    for _ in 0..(1_u64 << 22) + 1 {
+        path.add_ray(Spawner::CAMERA, u32::MAX, 1, true);
+    }
+    path.end(END);
+    let exact = u64::from(u32::MAX) * ((1 << 22) + 1);
+    assert!(exact > 1 << 53 && exact % 2 == 1);
+    let total = |metric| stats::total(&frame, metric, CostModel::default()).sum;
+    assert_eq!(total(Metric::Nodes), Sum::Exact(exact));
+    assert_eq!(total(Metric::Intersection), Sum::Exact(exact + (1 << 22) + 1));
+    assert_eq!(stats::total(&frame, Metric::Intersection, CostModel { c0: 1.5, c1: 0.0 }).sum, Sum::Real(1.5 * exact as f64));
+    let text = serde_json::to_string(&total(Metric::Nodes)).unwrap();
+    assert_eq!(text, exact.to_string());
+    assert_eq!(serde_json::from_str::<Sum>(&text).unwrap(), Sum::Exact(exact));
+}
+
+#[test]
+fn pixels_add_up_to_totals_and_layers_to_both() {
+    for intervals in [false, true] {
+        let frame = random_frame(desc(intervals), 3, 11);
+        let model = CostModel { c0: 2.0, c1: 3.0 };
+        let layers = Layers::from_frame(&frame, &LayerOptions { model, ..LayerOptions::default() });
+        for metric in Metric::ALL {
+            let total = stats::total(&frame, metric, model);
+            let pixels: f64 =
+                frame.pixels().map(|(x, y)| metric.sum(&frame.cost_total(x, y), model)).sum();
+            assert!((pixels - total.sum.as_f64()).abs() <= 1e-12 * pixels, "{metric:?}");
+            if let Some(plane) = layers.metric(metric) {
+                let samples = layers.plane("cost.samples").unwrap();
+                let sum: f64 = plane.iter().zip(samples).map(|(m, n)| f64::from(*m) * f64::from(*n)).sum();
+                // Half an ulp for each mean.
+                assert!((sum - pixels).abs() <= 6e-8 * pixels, "{metric:?}: {sum} {pixels}");
+            } else {
+                assert!(!metric.in_layers());
+            }
+        }
+    }
+}
+
+#[test]
+fn every_path_ends_once_and_waste_is_part_of_the_cost() {
+    let frame = random_frame(desc(false), 5, 2);
+    let model = CostModel { c0: 0.5, c1: 1.25 };
+    for pixel in frame.costs() {
+        let ends: u64 = [Cause::Escaped, Cause::Absorbed, Cause::Roulette, Cause::DepthLimit]
+            .map(|cause| pixel.get(cause.counter()))
+            .iter()
+            .sum();
+        assert_eq!(ends, pixel.samples);
+        assert!(pixel.get(Counter::WasteNodes) <= pixel.get(Counter::Nodes));
+        assert!(pixel.get(Counter::WasteShapes) <= pixel.get(Counter::Shapes));
+        assert!(Metric::Waste.sum(pixel, model) <= Metric::Intersection.sum(pixel, model));
+        for metric in Metric::ALL {
+            if let Some(shadow) = metric.shadow() {
+                assert!(shadow.sum(pixel, model) <= metric.sum(pixel, model), "{metric:?}");
+            }
+        }
+    }
+    // The waste is neither nothing nor everything, so the bounds above say something.
+    let total = |metric| stats::total(&frame, metric, model).sum.as_f64();
+    assert!(total(Metric::Waste) > 0.1 * total(Metric::Intersection));
+    assert!(total(Metric::Waste) < 0.9 * total(Metric::Intersection));
+}
+
+#[test]
+fn what_one_path_counts() {
+    let mut frame = Frame::new(FrameDesc::new(2, 1));
+    for (x, brought) in [(0, true), (1, false)] {
+        let mut pixel = frame.tiles_mut()[0].pixel(x, 0, 0);
+        let mut path = pixel.path();
+        let mut ray = path.ray(Spawner::CAMERA);
+        ray.node(0, 6);
+        ray.node(1, 4);
+        ray.instance(0);
+        ray.leaf(0, 3);
+        ray.finish(true);
+        for blocked in [true, false] {
+            let mut ray = path.ray(SHADOW);
+            ray.node(0, 6);
+            ray.leaf(0, 2);
+            ray.finish(blocked);
+        }
+        path.untraced(SHADOW);
+        path.bsdf(2);
+        path.texture(3, 48);
+        path.end(PathEnd { brought_radiance: brought, ..END });
+    }
+    let pixel = frame.cost(0, 0, 0).unwrap();
+    let expected = [4, 3, 4, 2, 7, 4, 22, 12, 3, 2, 1, 0, 2, 3, 48, 1, 2, 1, 0, 0, 0];
+    assert_eq!(pixel.counts, expected);
+    assert_eq!(pixel.squares, [16.0, 16.0, 49.0, 28.0]);
+    assert_eq!(pixel.first_object, 3);
+    // All of it is waste when the path brought nothing.
+    let dark = frame.cost(1, 0, 0).unwrap();
+    assert_eq!((dark.get(Counter::WasteNodes), dark.get(Counter::WasteShapes)), (4, 7));
+}
+
+#[test]
+fn a_path_that_is_not_ended_leaves_no_trace() {
+    let mut frame = Frame::new(FrameDesc::new(1, 1));
+    let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
+    pixel.path().add_ray(Spawner::CAMERA, 5, 5, true);
+    assert_eq!(*frame.cost(0, 0, 0).unwrap(), CostPixel::default());
+}
+
+#[test]
+fn passes_of_any_size_give_the_same_bits() {
+    let spp = 7;
+    let once = random_by_waves(&[spp]);
+    for waves in [&[1, 1, 1, 1, 1, 1, 1][..], &[4, 3], &[1, 6]] {
+        assert_eq!(sums(&random_by_waves(waves)), sums(&once), "{waves:?}");
+    }
+}
+
+/// Each sample draws from a generator of its own, as a renderer's does.
+fn random_by_waves(waves: &[u32]) -> Frame {
+    let mut frame = Frame::new(desc(true));
+    let mut first = 0;
+    for wave in waves {
+        for (x, y) in frame.pixels() {
+            for half in 0..2 {
+                for sample in first..first + wave {
+                    let key = (u64::from(sample) << 40) | (u64::from(y) << 20) | u64::from(x) << 2 | half as u64;
+                    random_path(&mut frame, x, y, half, &mut Random::new(key), 5);
+                }
+            }
+        }
+        first += wave;
+    }
+    frame
+}
+
+#[test]
+fn buckets_of_ones_own_merge_to_the_same_frame() {
+    let source = random_frame(desc(true), 2, 5);
+    let buckets = [(0, 0, 10, 13), (10, 0, 11, 6), (10, 6, 30, 30)].map(|(x, y, width, height)| {
+        let mut bucket = source.tile(Rect { x, y, width, height });
+        for (x, y) in bucket.rect().pixels() {
+            for half in 0..2 {
+                // Past the frame too: that part must be ignored.
+                let index = bucket.index(x, y, half);
+                bucket.film[index] = source.film(x, y, half).copied().unwrap_or(FilmPixel { samples: 9, ..FilmPixel::default() });
+                bucket.cost[index] = source.cost(x, y, half).copied().unwrap_or(CostPixel { samples: 9, ..CostPixel::default() });
+            }
+        }
+        bucket
+    });
+    for order in [[0, 1, 2], [2, 0, 1]] {
+        let mut frame = Frame::new(*source.desc());
+        for index in order {
+            frame.merge(&buckets[index]);
+        }
+        assert_eq!(sums(&frame), sums(&source));
+    }
+}
+
+#[test]
+fn overlapping_recorders_add_up_and_no_half_is_lost() {
+    let halves = random_frame(desc(true), 2, 5);
+    let mut single = Frame::new(desc(false));
+    for tile in &mut halves.clone().tiles_mut().iter() {
+        single.merge(tile);
+        single.merge(tile);
+    }
+    for metric in MetricSet::ALL.iter().filter(|metric| !matches!(metric, Metric::Throughput | Metric::TimeUs)) {
+        let total = |frame: &Frame| metric.total(frame.costs(), CostModel::default()).as_f64();
+        assert_eq!(total(&single), 2.0 * total(&halves), "{metric:?}");
+    }
+}
+
+#[test]
+fn a_half_that_does_not_exist_is_not_the_next_pixel() {
+    let frame = random_frame(desc(false), 1, 5);
+    assert!(frame.film(0, 0, 0).is_some() && frame.cost(0, 0, 0).is_some());
+    assert!(frame.film(0, 0, 1).is_none() && frame.cost(0, 0, 1).is_none());
+    assert!(frame.film(21, 0, 0).is_none() && frame.film(0, 13, 0).is_none());
+}
+
+#[test]
+fn a_frame_without_cost_gathers_radiance_alone() {
+    let frame = random_frame(FrameDesc { cost: false, ..desc(false) }, 2, 1);
+    assert!(frame.cost(0, 0, 0).is_none());
+    assert_eq!(frame.film(3, 3, 0).unwrap().samples, 2);
+    let layers = Layers::from_frame(&frame, &LayerOptions::default());
+    let names: Vec<&str> = layers.planes.keys().map(String::as_str).collect();
+    assert_eq!(names, ["A", "B", "G", "R", "samples"]);
+}

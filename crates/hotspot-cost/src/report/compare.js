@@ -1,0 +1,93 @@
+// The page of a comparison.
+
+let current = 0;
+let maps = false;
+let cycle = 0;
+
+function cellOf(layer, at, on) {
+  const cell = make("div", on ? "cell on" : "cell");
+  const [a, change] = [layer.a[at], layer.values[at]];
+  const relative = change / a;
+  const big = make("div", "big");
+  if (Math.abs(change) > 0) big.classList.add(change > 0 ? "red-text" : "blue-text");
+  const sign = change > 0 ? "+" : "";
+  if (layer.share) big.append(`${sign}${short(change * 100)}`, make("small", "", " points"));
+  else if (Number.isFinite(relative)) big.append(`${sign}${percent(relative)}`);
+  else big.append(`${sign}${short(change)}`);
+  const noise = layer.clear && layer.clear[at] === 0 ? " · not significant" : "";
+  const raw = `${amount({ ...layer, unit: "" }, a)} → ${amount(layer, a + change)}${noise}`;
+  cell.append(make("div", "label", layer.label), big, make("div", "raw", raw));
+  return cell;
+}
+
+function readOut(at) {
+  const cells = make("div", "cells");
+  const shown = new Set([0, 1, 2].filter((i) => i < data.maps.length));
+  shown.add(current);
+  for (const index of shown) cells.append(cellOf(data.maps[index], at, index === current));
+  $("readout").replaceChildren(whereLine(), cells);
+  $("legend").show?.(data.maps[current].values[at]);
+}
+
+function showSides() {
+  const layer = data.maps[current];
+  $("kind").setAttribute("aria-pressed", String(maps));
+  for (const [picture, heat] of [["beautyA", "heatA"], ["beautyB", "heatB"]]) {
+    if ($(picture)) $(picture).hidden = maps;
+    $(heat).hidden = !maps;
+  }
+  if (maps) {
+    paint($("heatA"), layer.a, layer.heat);
+    paint($("heatB"), layer.a.map((a, i) => a + layer.values[i]), layer.heat);
+  }
+  $("sides").textContent = maps ? `A | B: ${layer.label}` : "A | B";
+}
+
+function wipe(percentOfA) {
+  $("wipe").value = String(percentOfA);
+  for (const id of ["beautyB", "heatB"]) if ($(id)) $(id).style.clipPath = `inset(0 0 0 ${percentOfA}%)`;
+  $("seam").style.left = `${percentOfA}%`;
+}
+
+function flicker() {
+  cycle = (cycle + 1) % 3;
+  wipe([50, 100, 0][cycle]);
+  $("flicker").textContent = ["flicker", "A", "B"][cycle];
+  $("flicker").setAttribute("aria-pressed", String(cycle > 0));
+}
+
+function choose(index) {
+  current = index;
+  mark(index);
+  const layer = data.maps[index];
+  paint($("heat"), layer.values, layer.scale, layer.clear);
+  drawLegend(titleOf(layer, ", B − A"), layer.scale);
+  if (layer.clear) $("legend").append(make("div", "", "grey: not significant"));
+  showSides();
+  moveTo(position.x, position.y);
+}
+
+const mark = mapChoices(3, choose);
+
+start(async () => {
+  for (const map of data.maps) {
+    map.values = await valuesOf(map.plane);
+    map.a = await valuesOf(map.planeA);
+    if (map.significant) map.clear = await quantaOf(map.significant);
+  }
+  moved = readOut;
+  choose(0);
+  const first = data.maps[0].values;
+  let largest = 0;
+  for (let i = 1; i < first.length; i++) if (Math.abs(first[i]) > Math.abs(first[largest])) largest = i;
+  moveTo(largest % width, Math.floor(largest / width));
+  wipe(50);
+  $("wipe").addEventListener("input", () => wipe(Number($("wipe").value)));
+  const toggle = () => {
+    maps = !maps;
+    showSides();
+  };
+  $("kind").addEventListener("click", toggle);
+  $("flicker").addEventListener("click", flicker);
+  onKeys({ map: choose, p: toggle, f: flicker });
+});

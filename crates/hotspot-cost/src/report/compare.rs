@@ -1,0 +1,114 @@
+//! The page of a comparison.
+
+use super::input::{CompareInput, CompareLayer};
+use super::page::{precise, shell};
+use super::parts::{self, NAME, TEXT};
+use super::{codec, escape, layers};
+use crate::maps::{ColorMap, View, view};
+use serde_json::{Value, json};
+
+/// The page as one HTML text without outside references. Layers are compared as far as both pictures have them; a
+/// difference is B − A, red where B is costlier.
+pub fn compare_html(input: &CompareInput<'_>) -> String {
+    let (width, height) = input.a.beauty.dimensions();
+    let (a, b) = (layers::picture(input.a.beauty), layers::picture(input.b.beauty));
+    let settings: Vec<_> =
+        input.facts.iter().map(|f| ("", vec![f.label.clone(), f.a.clone(), f.b.clone()])).collect();
+    let body = escape::fill(
+        include_str!("compare.html"),
+        &[
+            ("title", &escape::name(&input.title, NAME)),
+            ("verdict", &escape::name(&input.verdict, TEXT)),
+            ("name_a", &escape::name(&input.a.name, NAME)),
+            ("name_b", &escape::name(&input.b.name, NAME)),
+            ("beauty_a", &parts::image(a.as_deref(), "beautyA", &format!("A: {}", input.a.name))),
+            ("beauty_b", &parts::image(b.as_deref(), "beautyB", &format!("B: {}", input.b.name))),
+            ("notices", &parts::notice("Please note", &input.notes)),
+            ("totals", &totals(input)),
+            ("settings", &parts::table("settings", &["setting", "A", "B"], &settings)),
+            ("json", &parts::raw(&input.raw_json)),
+        ],
+    );
+    let data = data(input, width, height);
+    let title = format!("{} · cost comparison", input.title);
+    shell(&title, (width, height), &body, &data, include_str!("compare.js"))
+}
+
+fn data(input: &CompareInput<'_>, width: u32, height: u32) -> Value {
+    let pixels = width as usize * height as usize;
+    let fits = |layer: &&CompareLayer<'_>| pixels > 0 && layer.a.len() == pixels && layer.b.len() == pixels;
+    let shown: Vec<&CompareLayer<'_>> = input.maps.iter().filter(fits).collect();
+    let differences: Vec<Vec<f32>> =
+        shown.iter().map(|layer| layer.a.iter().zip(layer.b).map(|(a, b)| b - a).collect()).collect();
+    // A and the difference travel: small differences of large values would drown in the steps of A and B.
+    let wanted: Vec<(&[f32], bool)> = shown
+        .iter()
+        .zip(&differences)
+        .enumerate()
+        .flat_map(|(i, (layer, difference))| [(difference.as_slice(), i < 2), (layer.a, i < 1)])
+        .collect();
+    let (planes, _) = layers::planes(width, height, &wanted);
+    let maps: Vec<Value> = shown
+        .iter()
+        .zip(&differences)
+        .zip(planes.chunks_exact(2))
+        .map(|((layer, difference), planes)| {
+            let signed = view(width, height, difference, layer.difference, layer.despike, true);
+            let mut value = layers::describe(&layer.metric, &layer.label, &layer.unit, layer.kind, layer.a);
+            value["scale"] = layers::scale(&signed, ColorMap::RedBlue);
+            value["heat"] = layers::scale(&joint_view(width, height, layer), layer.map);
+            value["plane"] = planes[0].clone();
+            value["planeA"] = planes[1].clone();
+            value["significant"] = layer.significant.map_or(Value::Null, |flags| {
+                let flags: Vec<u16> = flags.iter().map(|f| u16::from(*f)).collect();
+                codec::identifiers(width, height, &flags)
+            });
+            value
+        })
+        .collect();
+    json!({
+        "width": width,
+        "height": height,
+        "tables": layers::tables(shown.iter().map(|l| l.map).chain([ColorMap::RedBlue])),
+        "maps": maps,
+    })
+}
+
+/// One scale for A and B: the two pictures on top of each other, seen as one.
+fn joint_view(width: u32, height: u32, layer: &CompareLayer<'_>) -> View {
+    let both: Vec<f32> = layer.a.iter().chain(layer.b).copied().collect();
+    view(width, height.saturating_mul(2), &both, layer.scale, layer.despike, layer.map.is_diverging())
+}
+
+fn totals(input: &CompareInput<'_>) -> String {
+    let rows: Vec<_> = input
+        .totals
+        .iter()
+        .map(|row| {
+            let interval = row.ci95.map_or("not known".into(), |[lo, hi]| {
+                format!("{} to {}", parts::change(lo), parts::change(hi))
+            });
+            let significant = match row.significant {
+                Some(true) => "yes",
+                Some(false) => "no: within noise",
+                None => "not known",
+            };
+            let class = if row.significant == Some(false) { "noise" } else { "" };
+            let cells = vec![
+                row.label.clone(),
+                precise(row.a),
+                precise(row.b),
+                parts::change(row.relative),
+                interval,
+                significant.into(),
+            ];
+            (class, cells)
+        })
+        .collect();
+    let headings = ["mean per path", "A", "B", "change", "95 % interval of the change", "significant"];
+    parts::table("", &headings, &rows)
+}
+
+#[cfg(test)]
+#[path = "compare_tests.rs"]
+mod tests;

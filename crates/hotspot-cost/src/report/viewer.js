@@ -1,0 +1,325 @@
+// Shared by both pages: planes, colours, crosshairs, numbers.
+
+const $ = (id) => document.getElementById(id);
+const data = JSON.parse($("data").textContent);
+const { width, height } = data;
+
+function make(tag, className, text) {
+  const element = document.createElement(tag);
+  if (className) element.className = className;
+  if (text !== undefined) element.textContent = text;
+  return element;
+}
+
+// ---- Planes: base64 → PNG without filters → deflate stream → folded differences → values (codec.rs is the inverse).
+
+function bytesOf(base64) {
+  const text = atob(base64);
+  const bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+  return bytes;
+}
+
+async function inflated(png) {
+  const parts = [];
+  const view = new DataView(png.buffer);
+  for (let at = 8; at + 12 <= png.length;) {
+    const length = view.getUint32(at);
+    if (view.getUint32(at + 4) === 0x49444154) parts.push(png.subarray(at + 8, at + 8 + length));
+    at += 12 + length;
+  }
+  const stream = new Blob(parts).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+async function quantaOf(plane) {
+  const bytes = await inflated(bytesOf(plane.png));
+  const quanta = new Uint16Array(width * height);
+  const half = height * (width + 1);
+  for (let y = 0, i = 0; y < height; y++) {
+    let at = y * (width + 1) + 1;
+    for (let x = 0; x < width; x++, i++, at++) {
+      const folded = bytes[at] | (bytes[at + half] << 8);
+      let guess = 0;
+      if (x > 0 && y > 0 && plane.mean) guess = (quanta[i - 1] + quanta[i - width]) >> 1;
+      else if (x > 0) guess = quanta[i - 1];
+      else if (y > 0) guess = quanta[i - width];
+      quanta[i] = guess + ((folded >> 1) ^ -(folded & 1));
+    }
+  }
+  return quanta;
+}
+
+async function valuesOf(plane) {
+  const quanta = await quantaOf(plane);
+  const table = new Float32Array(plane.steps + 2);
+  for (let q = 0; q <= plane.steps; q++) {
+    table[q] = plane.knee * Math.sinh(plane.start + (q / plane.steps) * (plane.reach - plane.start));
+  }
+  table[plane.steps + 1] = NaN;
+  return Float32Array.from(quanta, (q) => table[q]);
+}
+
+// Share of the pixels that are cheaper than a value.
+function rankOf(layer, value) {
+  layer.sorted ??= layer.values.filter(Number.isFinite).sort();
+  let low = 0;
+  let high = layer.sorted.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (layer.sorted[middle] < value) low = middle + 1;
+    else high = middle;
+  }
+  return layer.sorted.length ? low / layer.sorted.length : 0;
+}
+
+// ---- Pictures
+
+function despiked(values, above) {
+  if (above === null) return values;
+  const out = values.slice();
+  for (let i = 0; i < values.length; i++) {
+    if (!(values[i] > above)) continue;
+    const x = i % width;
+    const y = (i - x) / width;
+    const around = [];
+    for (let v = Math.max(y - 1, 0); v <= Math.min(y + 1, height - 1); v++) {
+      for (let u = Math.max(x - 1, 0); u <= Math.min(x + 1, width - 1); u++) around.push(values[v * width + u]);
+    }
+    const sorted = around.filter(Number.isFinite).sort((a, b) => a - b);
+    const middle = sorted.length >> 1;
+    out[i] = sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
+  }
+  return out;
+}
+
+const tables = {};
+function tableOf(name) {
+  tables[name] ??= bytesOf(data.tables[name]);
+  return tables[name];
+}
+
+function placeOn(scale, value) {
+  return Math.min(Math.max((value - scale.lo) / (scale.hi - scale.lo), 0), 1);
+}
+
+function paint(canvas, values, scale, grey) {
+  canvas.width = width;
+  canvas.height = height;
+  const context = canvas.getContext("2d");
+  const picture = context.createImageData(width, height);
+  const pixels = picture.data;
+  const table = tableOf(scale.map);
+  const last = table.length / 3 - 1;
+  const shown = despiked(values, scale.despikeAbove);
+  for (let i = 0; i < shown.length; i++) {
+    const at = i * 4;
+    if (!Number.isFinite(shown[i])) {
+      pixels[at] = pixels[at + 2] = 255;
+    } else if (grey && grey[i] === 0) {
+      pixels[at] = pixels[at + 1] = pixels[at + 2] = 150;
+    } else {
+      const entry = Math.round(placeOn(scale, shown[i]) * last) * 3;
+      pixels[at] = table[entry];
+      pixels[at + 1] = table[entry + 1];
+      pixels[at + 2] = table[entry + 2];
+    }
+    pixels[at + 3] = 255;
+  }
+  context.putImageData(picture, 0, 0);
+}
+
+function drawLegend(title, scale, median) {
+  const legend = $("legend");
+  const bar = make("div", "bar");
+  const canvas = make("canvas");
+  const table = tableOf(scale.map);
+  const steps = table.length / 3;
+  canvas.width = steps;
+  canvas.height = 1;
+  const context = canvas.getContext("2d");
+  const line = context.createImageData(steps, 1);
+  for (let i = 0; i < steps; i++) line.data.set([table[i * 3], table[i * 3 + 1], table[i * 3 + 2], 255], i * 4);
+  context.putImageData(line, 0, 0);
+  const here = make("div", "here");
+  bar.append(canvas, here);
+  const ticks = make("div", "ticks");
+  const put = (place, text, className) => {
+    const tick = make("span", className, minus(text));
+    tick.style.left = `${place * 100}%`;
+    if (place < 0.03) tick.style.transform = "none";
+    if (place > 0.97) tick.style.transform = "translateX(-100%)";
+    ticks.append(tick);
+  };
+  const place = median === undefined ? -1 : (median - scale.lo) / (scale.hi - scale.lo);
+  const marked = place > 0 && place < 1;
+  for (const [at, label] of scale.ticks) if (!marked || Math.abs(at - place) > 0.09) put(at, label, "");
+  if (marked) put(place, "median", "median");
+  legend.replaceChildren(make("div", "title", title), bar, ticks, make("div", "", minus(scale.notes.join(" · "))));
+  legend.show = (value) => {
+    here.hidden = !Number.isFinite(value);
+    if (!here.hidden) here.style.left = `${placeOn(scale, value) * 100}%`;
+  };
+}
+
+// ---- Numbers
+
+const minus = (text) => text.replaceAll("-", "−");
+
+function short(value) {
+  const size = Math.abs(value);
+  if (!Number.isFinite(value)) return "not a number";
+  if (size === 0) return "0";
+  if (size < 1e-3 || size >= 1e6) return minus(value.toExponential(1));
+  if (size >= 99.95) return minus(value.toFixed(0));
+  return minus(String(Number(value.toPrecision(3))));
+}
+
+// "Time [µs]", but "Rays" rather than "Rays [rays]".
+function titleOf(layer, suffix) {
+  const named = !layer.unit || layer.label.toLowerCase().includes(layer.unit.toLowerCase());
+  return `${layer.label}${suffix}${named ? "" : ` [${layer.unit}]`}`;
+}
+
+const percent = (share) => `${short(share * 100)}\u00a0%`;
+const amount = (layer, value) => (layer.share ? percent(value) : `${short(value)} ${layer.unit.replace(/ per path$/, "")}`.trim());
+
+// ---- One position for all frames: pointer, keyboard, crosshair, outlined box
+
+const frames = [...document.querySelectorAll(".frame")];
+const position = { x: 0, y: 0, held: false };
+let moved = () => {};
+
+for (const frame of frames) {
+  const across = make("div", "cross h");
+  const down = make("div", "cross v");
+  const spot = make("div", "spot");
+  spot.hidden = true;
+  frame.append(across, down, spot);
+  Object.assign(frame, { across, down, spot });
+  const pixel = (event) => {
+    const box = frame.getBoundingClientRect();
+    return [((event.clientX - box.left) / box.width) * width, ((event.clientY - box.top) / box.height) * height];
+  };
+  frame.addEventListener("pointermove", (event) => {
+    if (!position.held) moveTo(...pixel(event));
+  });
+  frame.addEventListener("click", (event) => {
+    position.held = !position.held;
+    moveTo(...pixel(event));
+  });
+}
+
+function moveTo(x, y) {
+  position.x = Math.min(Math.max(Math.floor(x), 0), width - 1);
+  position.y = Math.min(Math.max(Math.floor(y), 0), height - 1);
+  for (const frame of frames) {
+    frame.across.style.top = `${((position.y + 0.5) / height) * 100}%`;
+    frame.down.style.left = `${((position.x + 0.5) / width) * 100}%`;
+  }
+  moved(position.y * width + position.x);
+}
+
+function outline(box) {
+  for (const { spot } of frames) {
+    spot.hidden = !box;
+    if (!box) continue;
+    spot.style.left = `${(box.x / width) * 100}%`;
+    spot.style.top = `${(box.y / height) * 100}%`;
+    spot.style.width = `${(box.width / width) * 100}%`;
+    spot.style.height = `${(box.height / height) * 100}%`;
+  }
+}
+
+function whereLine(name) {
+  const line = make("p", "where");
+  line.append(make("span", "xy", `x ${position.x}  y ${position.y}`));
+  if (name !== undefined) line.append(make("b", "", name || "background"));
+  if (position.held) line.append(make("span", "held", "held: click or Esc to release"));
+  return line;
+}
+
+// Buttons for the first maps, a list for the others; number keys for the first nine.
+function mapChoices(count, onChoose) {
+  const choices = $("choices");
+  const direct = data.maps.length <= count + 1 ? data.maps.length : count;
+  const buttons = data.maps.slice(0, direct).map((map, index) => {
+    const button = make("button");
+    button.type = "button";
+    button.append(make("kbd", "", String(index + 1)), map.label);
+    button.addEventListener("click", () => onChoose(index));
+    return button;
+  });
+  choices.append(...buttons);
+  const list = make("select");
+  list.setAttribute("aria-label", "More cost maps");
+  if (direct < data.maps.length) {
+    const first = make("option", "", `${data.maps.length - direct} more…`);
+    first.value = "";
+    list.append(first);
+    data.maps.slice(direct).forEach((map, i) => {
+      const option = make("option", "", map.label);
+      option.value = String(direct + i);
+      list.append(option);
+    });
+    list.addEventListener("change", () => list.value && onChoose(Number(list.value)));
+    choices.append(list);
+  }
+  return (index) => {
+    buttons.forEach((button, i) => button.setAttribute("aria-pressed", String(i === index)));
+    list.value = index >= direct ? String(index) : "";
+    list.classList.toggle("on", index >= direct);
+  };
+}
+
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+let pointing = false;
+$("viewer").addEventListener("pointerenter", () => (pointing = true));
+$("viewer").addEventListener("pointerleave", () => (pointing = false));
+
+function onKeys(actions) {
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("select, input, textarea")) return;
+    const arrow = ARROWS[event.key];
+    // Elsewhere the arrow keys scroll the page.
+    const ours = $("viewer").contains(document.activeElement) || (pointing && document.activeElement === document.body);
+    if (arrow && ours) {
+      const step = event.shiftKey ? 10 : 1;
+      position.held = true;
+      moveTo(position.x + arrow[0] * step, position.y + arrow[1] * step);
+      event.preventDefault();
+    } else if (event.key === "Escape") {
+      position.held = false;
+      outline(null);
+      actions.Escape?.();
+      moveTo(position.x, position.y);
+    } else if (event.key >= "1" && event.key <= "9" && Number(event.key) <= data.maps.length) {
+      actions.map(Number(event.key) - 1);
+    } else {
+      actions[event.key.toLowerCase()]?.();
+    }
+  });
+}
+
+function magnify() {
+  const enlarged = frames.some((frame) => frame.clientWidth > width * 1.5);
+  document.body.classList.toggle("magnified", enlarged);
+}
+new ResizeObserver(magnify).observe(frames[0]);
+
+// ---- Start: unpack, then run; what fails is said on the page.
+
+async function start(run) {
+  if (!width || !height) $("viewer").hidden = true;
+  if (!data.maps.length) for (const part of document.querySelectorAll(".pane:nth-of-type(2), .legend, .hint, .cross")) part.hidden = true;
+  if (!width || !height || !data.maps.length) return;
+  try {
+    await run();
+  } catch (error) {
+    const old = typeof DecompressionStream === "undefined";
+    $("trouble").textContent = old
+      ? "This browser is too old for the cost maps (it lacks DecompressionStream); a release of 2023 or later shows them."
+      : `The cost maps could not be shown: ${error.message}`;
+    $("trouble").hidden = false;
+  }
+}

@@ -1,0 +1,155 @@
+//! Totals over a frame with their 95 % intervals, and an estimate of the picture's error.
+//!
+//! A frame's mean per path is M = Σ_p S_p / N: the sums of all pixels over the number of paths. With n_p paths in pixel p
+//! and w_p = n_p/N, Var M = Σ w_p² Var(m_p), pixels being independent. What stands for Var(m_p):
+//! - [`CiKind::Halves`]: half_p² = ((m_a − m_b)/2)², from two independently scrambled halves; unbiased for the mean, one
+//!   degree of freedom per pixel;
+//! - [`CiKind::Conservative`]: s_p²/n_p with n_p − 1 degrees of freedom. Within one scrambled Sobol sequence samples are
+//!   negatively correlated on the whole, so this is an upper bound. Pixels with one path each are treated as one
+//!   stratum with the variance among them, which holds the differences between pixels too and is larger still.
+//!
+//! The interval is M ± t·√Var M, t the quantile of Student's distribution at Satterthwaite's degrees of freedom: exact
+//! when pixel means are normal, and close for frames of a few hundred pixels whatever they are. Sample counts are taken
+//! as given: if they were chosen by what the samples showed (adaptive sampling), intervals come out slightly narrow.
+
+use crate::frame::Frame;
+use crate::layers::{mean, variance_of_mean};
+use crate::metric::{CostModel, Metric, Sum};
+use crate::metric_set::MetricSet;
+use crate::recorder::CostPixel;
+use crate::student::Variance;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Where an interval comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CiKind {
+    /// Two independent halves of the samples.
+    Halves,
+    /// s²/n, an upper bound.
+    Conservative,
+    /// There is none.
+    #[default]
+    None,
+}
+
+/// A metric over the whole frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Total {
+    /// Σ over all paths; an exact integer for counts.
+    pub sum: Sum,
+    /// Per path: sum / samples.
+    pub mean: f64,
+    /// 95 % interval of the mean.
+    pub ci95: Option<[f64; 2]>,
+    /// Where it comes from.
+    pub ci_kind: CiKind,
+}
+
+/// The totals of the metrics chosen, by [`Metric::name`]. Time never gets an interval: repeats alone can give one.
+pub fn totals(frame: &Frame, metrics: MetricSet, model: CostModel) -> BTreeMap<String, Total> {
+    if !frame.desc().cost {
+        return BTreeMap::new();
+    }
+    metrics.iter().map(|metric| (metric.name().to_owned(), total(frame, metric, model))).collect()
+}
+
+/// The total of one metric.
+pub fn total(frame: &Frame, metric: Metric, model: CostModel) -> Total {
+    let sum = metric.total(frame.costs(), model);
+    let samples: u64 = frame.costs().map(|pixel| metric.samples(pixel)).sum();
+    let mean = mean(sum.as_f64(), samples);
+    let (variance, ci_kind) = if metric == Metric::TimeUs || samples == 0 {
+        (None, CiKind::None)
+    } else if frame.desc().intervals {
+        (Some(halves_variance(frame, metric, model, samples)), CiKind::Halves)
+    } else {
+        match conservative_variance(frame, metric, model, samples) {
+            Some(variance) => (Some(variance), CiKind::Conservative),
+            None => (None, CiKind::None),
+        }
+    };
+    let ci95 = variance.map(|variance| {
+        let width = variance.half_width95();
+        [mean - width, mean + width]
+    });
+    Total { sum, mean, ci95, ci_kind }
+}
+
+fn halves_variance(frame: &Frame, metric: Metric, model: CostModel, samples: u64) -> Variance {
+    let mut variance = Variance::default();
+    for (x, y) in frame.pixels() {
+        let halves = [0, 1].map(|half| {
+            frame.cost(x, y, half).map_or((0.0, 0), |p| (metric.sum(p, model), metric.samples(p)))
+        });
+        let weight = (halves[0].1 + halves[1].1) as f64 / samples as f64;
+        let [a, b] = halves.map(|(sum, n)| mean(sum, n));
+        let half = weight * 0.5 * (a - b);
+        variance.add(half * half, 1.0);
+    }
+    variance
+}
+
+fn conservative_variance(frame: &Frame, metric: Metric, model: CostModel, samples: u64) -> Option<Variance> {
+    metric.squares(&CostPixel::default(), model)?;
+    let mut variance = Variance::default();
+    // The pixels with a single path: their count, sum, sum of squares.
+    let mut lone = (0_u64, 0.0, 0.0);
+    for (x, y) in frame.pixels() {
+        let pixel = frame.cost_total(x, y);
+        let (sum, squares) = (metric.sum(&pixel, model), metric.squares(&pixel, model)?);
+        match variance_of_mean(sum, squares, pixel.samples) {
+            Some(of_mean) => {
+                let weight = pixel.samples as f64 / samples as f64;
+                variance.add(weight * weight * of_mean, (pixel.samples - 1) as f64);
+            }
+            None if pixel.samples == 1 => lone = (lone.0 + 1, lone.1 + sum, lone.2 + squares),
+            None => {}
+        }
+    }
+    match lone.0 {
+        0 => {}
+        // A stratum of one says nothing about its spread: its square bounds it.
+        1 => variance.add(lone.2 / (samples as f64 * samples as f64), 1.0),
+        count => {
+            let of_mean = variance_of_mean(lone.1, lone.2, count)?;
+            let weight = count as f64 / samples as f64;
+            variance.add(weight * weight * of_mean, (count - 1) as f64);
+        }
+    }
+    Some(variance)
+}
+
+/// What the picture's relative squared error is expected to be: the mean over pixels and channels of
+/// Var(mean)/(mean² + 0.01), with the variance from halves or else s²/n ([`CiKind::Conservative`]: too large). `None`
+/// without two samples anywhere. The mean itself stands for the unknown true value, so single bright outliers ("fireflies")
+/// that no sample has found yet are not in it.
+pub fn estimated_relmse(frame: &Frame) -> Option<(f64, CiKind)> {
+    let intervals = frame.desc().intervals;
+    let (mut sum, mut pixels) = (0.0, 0_u64);
+    for (x, y) in frame.pixels() {
+        let film = frame.film_total(x, y);
+        if film.samples < 2 {
+            continue;
+        }
+        pixels += 1;
+        for channel in 0..3 {
+            let value = mean(film.sum[channel], film.samples);
+            let variance = if intervals {
+                let [a, b] = [0, 1].map(|half| {
+                    frame.film(x, y, half).map_or(0.0, |f| mean(f.sum[channel], f.samples))
+                });
+                0.25 * (a - b) * (a - b)
+            } else {
+                variance_of_mean(film.sum[channel], film.squares[channel], film.samples).unwrap_or(0.0)
+            };
+            sum += variance / (value * value + 0.01);
+        }
+    }
+    let kind = if intervals { CiKind::Halves } else { CiKind::Conservative };
+    (pixels > 0).then(|| (sum / (3 * pixels) as f64, kind))
+}
+
+#[cfg(test)]
+mod tests;

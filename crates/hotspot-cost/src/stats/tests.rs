@@ -1,0 +1,127 @@
+use super::*;
+use crate::testing::{Random, random_frame};
+use crate::{Cause, FrameDesc, PathEnd};
+use hotspot_probe::Spawner;
+
+/// A frame whose paths visit 10·(1 + x) plus or minus up to 8 nodes, drawn independently, and the true mean.
+fn noisy(desc: FrameDesc, spp: u32, random: &mut Random) -> (Frame, f64) {
+    let mut frame = Frame::new(desc);
+    for (x, y) in frame.pixels() {
+        let half_count = frame.halves();
+        for half in 0..half_count {
+            for _ in 0..spp {
+                let nodes = 10 * (1 + x) + random.below(17) - 8;
+                let tile = &mut frame.tiles_mut()[0];
+                tile.film_mut(x, y, half).add([nodes as f32, 1.0, 0.0]);
+                let mut pixel = tile.pixel(x, y, half);
+                let mut path = pixel.path();
+                path.add_ray(Spawner::CAMERA, nodes, 2, true);
+                let cause = if random.below(4) == 0 { Cause::Roulette } else { Cause::Escaped };
+                path.end(PathEnd { cause, throughput: 1.0, brought_radiance: true, first_object: 0 });
+            }
+        }
+    }
+    let mean = 10.0 * (1.0 + f64::from(desc.width - 1) / 2.0);
+    (frame, mean)
+}
+
+fn desc(intervals: bool) -> FrameDesc {
+    FrameDesc { intervals, tile: 64, ..FrameDesc::new(12, 8) }
+}
+
+/// How many of 300 intervals of `metric` hold the truth.
+fn covered(intervals: bool, spp: u32, metric: Metric, truth: impl Fn(f64) -> f64) -> usize {
+    let mut random = Random::new(u64::from(spp) + 100);
+    (0..300)
+        .filter(|_| {
+            let (frame, mean) = noisy(desc(intervals), spp, &mut random);
+            let [low, high] = total(&frame, metric, CostModel::default()).ci95.unwrap();
+            (low..=high).contains(&truth(mean))
+        })
+        .count()
+}
+
+/// 300 intervals at 95 %: 285 expected, standard deviation 3.8. 271 to 297 leaves out correct intervals with a
+/// probability of about 0.001; the seeds are fixed, so that the outcome is too.
+const EXPECTED: std::ops::RangeInclusive<usize> = 271..=297;
+
+#[test]
+fn intervals_from_halves_cover_the_truth() {
+    for spp in [1, 4] {
+        let count = covered(true, spp, Metric::Nodes, |mean| mean);
+        assert!(EXPECTED.contains(&count), "{spp} spp: {count} of 300");
+        let count = covered(true, spp, Metric::Intersection, |mean| mean + 2.0);
+        assert!(EXPECTED.contains(&count), "{spp} spp: {count} of 300");
+    }
+}
+
+#[test]
+fn conservative_intervals_cover_exactly_where_samples_are_independent() {
+    for spp in [2, 5] {
+        let count = covered(false, spp, Metric::Nodes, |mean| mean);
+        assert!(EXPECTED.contains(&count), "{spp} spp: {count} of 300");
+        let count = covered(false, spp, Metric::Roulette, |_| 0.25);
+        assert!(EXPECTED.contains(&count), "{spp} spp: {count} of 300");
+    }
+}
+
+#[test]
+fn single_samples_give_an_interval_that_is_too_wide_rather_than_none() {
+    let count = covered(false, 1, Metric::Nodes, |mean| mean);
+    assert_eq!(count, 300);
+}
+
+#[test]
+fn what_each_metric_knows_about_itself() {
+    let halves = random_frame(desc(true), 2, 3);
+    let plain = random_frame(desc(false), 2, 3);
+    let kind = |frame, metric| total(frame, metric, CostModel::default()).ci_kind;
+    for metric in Metric::ALL {
+        let time = metric == Metric::TimeUs;
+        assert_eq!(kind(&halves, metric), if time { CiKind::None } else { CiKind::Halves }, "{metric:?}");
+        let squares = metric.squares(&CostPixel::default(), CostModel::default()).is_some();
+        assert_eq!(kind(&plain, metric), if squares { CiKind::Conservative } else { CiKind::None }, "{metric:?}");
+        for frame in [&halves, &plain] {
+            let total = total(frame, metric, CostModel::default());
+            assert_eq!(total.ci95.is_some(), total.ci_kind != CiKind::None);
+        }
+    }
+    // 1500 ns for each path.
+    let time = total(&plain, Metric::TimeUs, CostModel::default());
+    assert_eq!((time.mean, time.sum), (1.5, Sum::Real(1.5 * 12.0 * 8.0 * 2.0)));
+}
+
+#[test]
+fn an_empty_frame_has_totals_of_nothing() {
+    let frame = Frame::new(desc(true));
+    let total = total(&frame, Metric::Nodes, CostModel::default());
+    assert_eq!(total, Total { sum: Sum::Exact(0), mean: 0.0, ci95: None, ci_kind: CiKind::None });
+    assert_eq!(estimated_relmse(&frame), None);
+    assert!(totals(&Frame::new(FrameDesc { cost: false, ..desc(false) }), MetricSet::ALL, CostModel::default()).is_empty());
+}
+
+#[test]
+fn the_estimated_error_is_the_error() {
+    // Uniform on 17 integers: variance (17² − 1)/12 = 24 per sample.
+    let expected: f64 = (0..12)
+        .map(|x| {
+            let mean = 10.0 * f64::from(1 + x);
+            24.0 / 8.0 / (mean * mean + 0.01)
+        })
+        .sum::<f64>()
+        / 36.0;
+    for (intervals, spp, kind) in [(true, 4, CiKind::Halves), (false, 8, CiKind::Conservative)] {
+        let mut random = Random::new(9);
+        let runs = 60;
+        let mean = (0..runs)
+            .map(|_| {
+                let (value, found) = estimated_relmse(&noisy(desc(intervals), spp, &mut random).0).unwrap();
+                assert_eq!(found, kind);
+                value
+            })
+            .sum::<f64>()
+            / f64::from(runs);
+        // 60 runs of 8 rows: the noisiest column has 480 squares, so about 6 % at one standard deviation.
+        assert!((mean / expected - 1.0).abs() < 0.2, "{kind:?}: {mean} {expected}");
+    }
+}

@@ -1,0 +1,416 @@
+//! What can be said on the command line.
+
+use crate::fail::Fail;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use hotspot_cost::maps::{ColorMap, Exposure, Scale};
+use hotspot_cost::{CostModel, MetricSet};
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  hotspot-render --demo                            a built-in scene: picture, heat maps and report in seconds
+  hotspot-render scene.gltf                        the same for a scene of yours, into hotspot-out/
+  hotspot-render scene.glb --size 640x360 --spp 16 -o out
+  hotspot-render scene.gltf --camera \"Kitchen\" --intervals
+  hotspot-render compare before.exr after.exr      what a change did to the cost, with intervals
+  hotspot-render compare a.exr b.exr --fail-over nodes=2%
+  hotspot-render report other-renderer.exr         maps and page from any EXR with cost.* channels";
+
+/// A path tracer that shows what every pixel of a scene costs, and why.
+#[derive(Debug, Parser)]
+#[command(name = "hotspot-render", version, after_help = EXAMPLES, arg_required_else_help = true)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Render a scene and what it costs (the default: `hotspot-render SCENE` does)
+    Render(Box<RenderArgs>),
+    /// Show what changed in cost from one render to another
+    Compare(CompareArgs),
+    /// Make maps and the page from an EXR file with cost.* channels
+    Report(ReportArgs),
+}
+
+const COMMANDS: [&str; 4] = ["render", "compare", "report", "help"];
+
+/// Inserts `render` where no command is named, and answers mistyped commands.
+pub(crate) fn with_default_command(mut words: Vec<OsString>) -> Result<Vec<OsString>, Fail> {
+    let Some(first) = words.get(1) else { return Ok(words) };
+    let text = first.to_string_lossy().into_owned();
+    let global = ["-h", "--help", "-V", "--version"];
+    if COMMANDS.contains(&text.as_str()) || (global.contains(&text.as_str()) && words.len() == 2) {
+        return Ok(words);
+    }
+    let is_file = std::path::Path::new(first).exists() || text.contains(['.', '/', '\\']);
+    if !text.starts_with('-') && !is_file {
+        let near = nearest(&text, COMMANDS.iter().copied());
+        return Err(Fail::usage(match near {
+            Some(near) => {
+                format!("there is no command or scene file named \"{text}\"; did you mean \"{near}\"?")
+            }
+            None => format!(
+                "there is no command or scene file named \"{text}\"; commands are {}, anything else is a scene file",
+                COMMANDS.join(", ")
+            ),
+        }));
+    }
+    words.insert(1, "render".into());
+    Ok(words)
+}
+
+/// The name most like `text`, if any is like it.
+pub(crate) fn nearest<'n>(text: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
+    names
+        .into_iter()
+        .map(|name| (strsim::jaro_winkler(&text.to_lowercase(), &name.to_lowercase()), name))
+        .filter(|(likeness, _)| *likeness > 0.75)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, name)| name)
+}
+
+/// `render`.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct RenderArgs {
+    /// The scene: .gltf, .glb or .obj
+    #[arg(required_unless_present = "demo", conflicts_with = "demo")]
+    pub(crate) scene: Option<PathBuf>,
+    /// Render the built-in scene
+    #[arg(long)]
+    pub(crate) demo: bool,
+    /// Folder for the outputs
+    #[arg(short, long, value_name = "DIR", default_value = "hotspot-out")]
+    pub(crate) output: PathBuf,
+    /// Size in pixels [default: 960 on the long edge, at the camera's aspect]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub(crate) size: Option<(u32, u32)>,
+    /// Camera samples per pixel
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp: u32,
+    /// Count the cost on the first K samples of each pixel only; the rest run uninstrumented
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) cost_spp: Option<u32>,
+    /// Most scattering events of a path: 0 shows emitters only, 1 adds direct light
+    #[arg(long, value_name = "N", default_value_t = 15)]
+    pub(crate) max_depth: u32,
+    /// Surface vertex (from 0) at which Russian roulette begins, or "off"
+    #[arg(long, value_name = "N|off", default_value = "4", value_parser = parse_roulette)]
+    pub(crate) roulette: Roulette,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Sample points
+    #[arg(long, value_enum, default_value_t = SamplerArg::Sobol)]
+    pub(crate) sampler: SamplerArg,
+    /// Worker threads [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) threads: Option<u32>,
+    /// Keep two independent halves of the samples, for confidence intervals
+    #[arg(long)]
+    pub(crate) intervals: bool,
+    /// Camera by name or by index ("#0" is the file's first)
+    #[arg(long, value_name = "NAME|#INDEX")]
+    pub(crate) camera: Option<String>,
+    /// Constant environment radiance, in place of the file's
+    #[arg(long, value_name = "R,G,B", value_parser = parse_rgb)]
+    pub(crate) env: Option<Rgb>,
+    /// What to measure: all, none, names, or the groups rays, intersection, time, shading, cause, ledgers
+    #[arg(long, value_name = "LIST", default_value = "all")]
+    pub(crate) metrics: String,
+    /// Measure the cost alone, without a picture; with `--metrics rays` shadow rays are counted but not traced
+    #[arg(long)]
+    pub(crate) no_radiance: bool,
+    /// Cost of visiting a node in `intersection`
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = parse_weight)]
+    pub(crate) c0: f64,
+    /// Cost of testing a triangle in `intersection`
+    #[arg(long, value_name = "Y", default_value_t = 1.0, value_parser = parse_weight)]
+    pub(crate) c1: f64,
+    /// Stop after about so many seconds and keep what was done
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub(crate) time_limit: Option<f64>,
+    /// How much time to spend on the tree
+    #[arg(long, value_enum, default_value_t = QualityArg::Medium)]
+    pub(crate) bvh: QualityArg,
+    /// Instruction set of the traversal; all give the same result
+    #[arg(long, value_enum, default_value_t = IsaArg::Auto)]
+    pub(crate) isa: IsaArg,
+    /// Further layers in the EXR: var (upper bounds of the variances)
+    #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',')]
+    pub(crate) layers: Vec<LayersArg>,
+    /// Most memory that loading the scene may take, in MiB
+    #[arg(long, value_name = "MIB", default_value_t = 8192)]
+    pub(crate) max_memory: u64,
+    #[command(flatten)]
+    pub(crate) views: ViewArgs,
+    #[command(flatten)]
+    pub(crate) talk: TalkArgs,
+}
+
+/// How pictures are drawn.
+#[derive(Debug, Args)]
+pub(crate) struct ViewArgs {
+    /// Exposure of the picture in stops, or "auto"
+    #[arg(long, value_name = "EV|auto", default_value = "auto", value_parser = parse_exposure, allow_hyphen_values = true)]
+    pub(crate) exposure: Exposure,
+    /// Which heat maps to write as PNG: the three of the first screen, or all
+    #[arg(long, value_enum, default_value_t = MapsArg::Main)]
+    pub(crate) maps: MapsArg,
+    /// Colours of the heat maps
+    #[arg(long, value_enum, default_value_t = ColorArg::Inferno)]
+    pub(crate) colors: ColorArg,
+    /// Fixed range of the heat maps, or the JSON of another render whose ranges to use
+    #[arg(long, value_name = "LO:HI|FILE", value_parser = parse_scale)]
+    pub(crate) scale: Option<ScaleArg>,
+}
+
+/// How to report progress.
+#[derive(Debug, Args)]
+pub(crate) struct TalkArgs {
+    /// Print nothing but errors
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+    /// Progress as JSON lines on standard error
+    #[arg(long, conflicts_with = "quiet")]
+    pub(crate) json_progress: bool,
+}
+
+/// `compare`.
+#[derive(Debug, Args)]
+pub(crate) struct CompareArgs {
+    /// The render to compare with
+    pub(crate) a: PathBuf,
+    /// The render to judge: red is where it is costlier
+    pub(crate) b: PathBuf,
+    /// Folder for the outputs
+    #[arg(short, long, value_name = "DIR", default_value = "hotspot-out")]
+    pub(crate) output: PathBuf,
+    /// Exit with code 3 when a metric grew significantly by more than this
+    #[arg(long, value_name = "METRIC=X%")]
+    pub(crate) fail_over: Vec<String>,
+    /// Compare although tree width, builder or kernel differ
+    #[arg(long)]
+    pub(crate) force: bool,
+    #[command(flatten)]
+    pub(crate) views: ViewArgs,
+    /// Print nothing but errors
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+}
+
+/// `report`.
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// An EXR file with cost.* channels
+    pub(crate) input: PathBuf,
+    /// Folder for the outputs
+    #[arg(short, long, value_name = "DIR", default_value = "hotspot-out")]
+    pub(crate) output: PathBuf,
+    /// JSON file that names channels: {"cost.nodes": "bvh.visits", …}
+    #[arg(long, value_name = "FILE")]
+    pub(crate) channels: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) views: ViewArgs,
+    /// Print nothing but errors
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SamplerArg {
+    /// Owen-scrambled Sobol
+    Sobol,
+    /// Independent random numbers, for comparison
+    Independent,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum QualityArg {
+    Fast,
+    Medium,
+    High,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum IsaArg {
+    Auto,
+    Portable,
+    Avx2,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MapsArg {
+    /// Rays, intersection and time
+    Main,
+    /// Every metric
+    All,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LayersArg {
+    /// Upper bounds of the variances
+    Var,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ColorArg {
+    Inferno,
+    Viridis,
+    Turbo,
+}
+
+impl ColorArg {
+    pub(crate) const fn map(self) -> ColorMap {
+        match self {
+            Self::Inferno => ColorMap::Inferno,
+            Self::Viridis => ColorMap::Viridis,
+            Self::Turbo => ColorMap::Turbo,
+        }
+    }
+}
+
+/// Where roulette begins; `None`: never.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Roulette(pub(crate) Option<u32>);
+
+/// Linear red, green, blue.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rgb(pub(crate) [f32; 3]);
+
+/// Where the range of a heat map comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum ScaleArg {
+    Fixed(f32, f32),
+    File(PathBuf),
+}
+
+impl RenderArgs {
+    /// The metrics asked for.
+    pub(crate) fn metric_set(&self) -> Result<MetricSet, Fail> {
+        MetricSet::parse(&self.metrics).map_err(|unknown| {
+            let near = nearest(&unknown.name, MetricSet::names());
+            let hint = near.map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
+            Fail::usage(format!("--metrics: {unknown}{hint}"))
+        })
+    }
+
+    pub(crate) const fn cost_model(&self) -> CostModel {
+        CostModel { c0: self.c0, c1: self.c1 }
+    }
+}
+
+impl ScaleArg {
+    pub(crate) const fn fixed(lo: f32, hi: f32) -> Scale {
+        Scale::Fixed(lo, hi)
+    }
+}
+
+fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let parsed = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match parsed {
+        Some((w @ 1..=65536, h @ 1..=65536)) => Ok((w, h)),
+        _ => Err("write width x height such as 640x360, each from 1 to 65536".into()),
+    }
+}
+
+fn parse_roulette(text: &str) -> Result<Roulette, String> {
+    if text == "off" {
+        return Ok(Roulette(None));
+    }
+    text.parse().map(|n| Roulette(Some(n))).map_err(|_| "write a vertex index such as 4, or off".into())
+}
+
+fn parse_rgb(text: &str) -> Result<Rgb, String> {
+    let values: Vec<f32> = text.split(',').filter_map(|v| v.trim().parse().ok()).collect();
+    match <[f32; 3]>::try_from(values) {
+        Ok(rgb) if text.split(',').count() == 3 && rgb.iter().all(|c| c.is_finite() && *c >= 0.0) => {
+            Ok(Rgb(rgb))
+        }
+        _ => Err("write three numbers that are not negative, such as 1,1,1".into()),
+    }
+}
+
+fn parse_weight(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x.is_finite() && x >= 0.0 => Ok(x),
+        _ => Err("write a number that is not negative".into()),
+    }
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x > 0.0 && x <= 1e9 => Ok(x),
+        _ => Err("write a positive number of seconds".into()),
+    }
+}
+
+fn parse_exposure(text: &str) -> Result<Exposure, String> {
+    if text == "auto" {
+        return Ok(Exposure::Auto);
+    }
+    match text.parse::<f32>() {
+        Ok(ev) if ev.abs() <= 100.0 => Ok(Exposure::Ev(ev)),
+        _ => Err("write a number of stops such as -1.5, or auto".into()),
+    }
+}
+
+fn parse_scale(text: &str) -> Result<ScaleArg, String> {
+    if let Some((lo, hi)) = text.split_once(':')
+        && let (Ok(lo), Ok(hi)) = (lo.parse::<f32>(), hi.parse::<f32>())
+    {
+        return if lo.is_finite() && hi.is_finite() && lo < hi {
+            Ok(ScaleArg::Fixed(lo, hi))
+        } else {
+            Err("the lower end must be below the upper end".into())
+        };
+    }
+    Ok(ScaleArg::File(text.into()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(line: &str) -> Vec<OsString> {
+        line.split(' ').map(Into::into).collect()
+    }
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        use clap::CommandFactory;
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn render_is_the_default_command() {
+        let inserted = with_default_command(words("hotspot-render scene.gltf --spp 4")).unwrap();
+        assert_eq!(inserted[1], "render");
+        let kept = with_default_command(words("hotspot-render compare a.exr b.exr")).unwrap();
+        assert_eq!(kept[1], "compare");
+        assert_eq!(with_default_command(words("hotspot-render --demo")).unwrap()[1], "render");
+        assert_eq!(with_default_command(words("hotspot-render --help")).unwrap()[1], "--help");
+    }
+
+    #[test]
+    fn mistyped_commands_are_answered() {
+        let fail = with_default_command(words("hotspot-render comapre a.exr b.exr")).unwrap_err();
+        assert!(fail.message.contains("did you mean \"compare\""), "{}", fail.message);
+        assert_eq!(fail.code, crate::fail::USAGE);
+    }
+
+    #[test]
+    fn values_are_checked() {
+        assert_eq!(parse_size("640x360"), Ok((640, 360)));
+        assert!(parse_size("640").is_err() && parse_size("0x4").is_err() && parse_size("1x99999").is_err());
+        assert_eq!(parse_rgb("1,2,3"), Ok(Rgb([1.0, 2.0, 3.0])));
+        assert!(parse_rgb("1,2").is_err() && parse_rgb("1,x,2,3").is_err() && parse_rgb("1,2,nan").is_err());
+        assert!(parse_weight("-1").is_err() && parse_weight("nan").is_err());
+        assert_eq!(parse_scale("0:5"), Ok(ScaleArg::Fixed(0.0, 5.0)));
+        assert!(parse_scale("5:0").is_err());
+        assert_eq!(parse_exposure("-1.5"), Ok(Exposure::Ev(-1.5)));
+    }
+}

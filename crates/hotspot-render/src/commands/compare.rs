@@ -1,0 +1,76 @@
+//! `compare`: what changed in cost from one render to another.
+
+use super::report::document;
+use crate::args::CompareArgs;
+use crate::fail::{Fail, GATE};
+use crate::output::{Writer, stem};
+use hotspot_cost::compare::{Comparison, Gate, GateOutcome};
+use hotspot_cost::exr_io::{self, Limits};
+use hotspot_cost::{Metric, Side, compare};
+
+pub(crate) fn run(args: &CompareArgs) -> Result<(), Fail> {
+    let gates = args
+        .fail_over
+        .iter()
+        .map(|text| Gate::parse(text).map_err(|e| Fail::usage(format!("--fail-over: {e}"))))
+        .collect::<Result<Vec<_>, _>>()?;
+    let read = |path: &std::path::Path| -> Result<_, Fail> {
+        let file = exr_io::read(path, &Limits::default())?;
+        let document = document(&file, &path.display().to_string())?;
+        Ok((file, document))
+    };
+    let (a, document_a) = read(&args.a)?;
+    let (b, document_b) = read(&args.b)?;
+    let (name_a, name_b) = names(&stem(&args.a), &stem(&args.b));
+    let side_a = Side { name: &name_a, layers: &a.layers, document: Some(&document_a) };
+    let side_b = Side { name: &name_b, layers: &b.layers, document: Some(&document_b) };
+    let mut comparison = compare(side_a, side_b, args.force)?;
+    let results: Vec<_> = gates.iter().map(|gate| comparison.gate(gate)).collect();
+    comparison.gates.clone_from(&results);
+
+    let writer = Writer::new(&args.output, &args.views)?;
+    let page = writer.comparison(&side_a, &side_b, &comparison)?;
+    if !args.quiet {
+        for file in &page.files {
+            println!("wrote {file}");
+        }
+        for note in &comparison.notes {
+            println!("note: {note}");
+        }
+        print_totals(&comparison);
+        println!("→ open {}", page.page.display());
+    }
+    let tripped: Vec<&str> =
+        results.iter().filter(|r| r.outcome != GateOutcome::Passed).map(|r| r.reason.as_str()).collect();
+    if tripped.is_empty() {
+        return Ok(());
+    }
+    Err(Fail::new(GATE, format!("gate: {}", tripped.join("; "))))
+}
+
+/// Stems, told apart when they are the same.
+fn names(a: &str, b: &str) -> (String, String) {
+    if a == b { (format!("{a} (A)"), format!("{b} (B)")) } else { (a.to_owned(), b.to_owned()) }
+}
+
+fn print_totals(comparison: &Comparison) {
+    for metric in [Metric::Rays, Metric::Nodes, Metric::Shapes, Metric::Intersection, Metric::TimeUs] {
+        let Some(change) = comparison.totals.get(metric.name()) else { continue };
+        let Some(relative) = change.relative else { continue };
+        let interval = change.ci95.map_or("no interval".to_owned(), |[lo, hi]| {
+            format!("95 % interval {:+.2} % to {:+.2} %", lo * 100.0, hi * 100.0)
+        });
+        let verdict = match change.significant {
+            Some(true) => ", significant",
+            Some(false) => ", not significant",
+            None => "",
+        };
+        println!(
+            "{:<13} {:>10.3} -> {:>10.3} per path  {:+.2} % ({interval}{verdict})",
+            metric.name(),
+            change.a,
+            change.b,
+            relative * 100.0
+        );
+    }
+}

@@ -1,0 +1,480 @@
+//! `render`: a scene in, a picture and what it cost out.
+
+use crate::args::{IsaArg, LayersArg, QualityArg, RenderArgs, SamplerArg, nearest};
+use crate::fail::{FAILED, Fail, INTERRUPTED};
+use crate::output::{Output, Writer};
+use crate::progress::Talker;
+use crate::{demo, memory};
+use hotspot_cost::document::{Note, Tree};
+use hotspot_cost::exr_io::Header;
+use hotspot_cost::{Document, LayerOptions, Layers, hotspots};
+use hotspot_integrator::{
+    BuildOptions, Control, Gather, Isa, Quality, RenderScene, Rendered, SamplerKind, Settings, Stop,
+    frame_bounds, render,
+};
+use hotspot_scene::{Camera, Environment, LoadOptions, Projection, Repair, Scene};
+use serde_json::{Value, json};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Most hotspots that are reported.
+const HOTSPOTS: usize = 12;
+
+pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
+    let talker = Talker::new(&args.talk);
+    let metrics = args.metric_set()?;
+    if args.no_radiance && metrics.is_empty() {
+        return Err(Fail::usage(
+            "--no-radiance with --metrics none leaves nothing to do; ask for one of them",
+        ));
+    }
+    // The folder is made first: an unwritable one should not cost a render.
+    let writer = Writer::new(&args.output, &args.views)?;
+
+    let start = Instant::now();
+    let mut scene = load(args)?;
+    if let Some(rgb) = args.env {
+        scene.environment = Some(Environment::Constant(rgb.0));
+    }
+    let load_seconds = start.elapsed().as_secs_f64();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads.unwrap_or(0) as usize)
+        .build()
+        .map_err(|e| Fail::new(FAILED, format!("cannot start the worker threads: {e}; try --threads 1")))?;
+    let prepared = RenderScene::prepare(&scene, build_options(args))?;
+    let (camera, camera_note) = choose_camera(args, &scene, &prepared)?;
+    let (width, height) = args.size.unwrap_or_else(|| default_size(&camera));
+    check_memory(width, height, args)?;
+    let settings = settings(args, width, height, metrics)?;
+    let mut repairs: Vec<Repair> = scene.repairs.iter().chain(prepared.repairs()).cloned().collect();
+    repairs.extend(camera_note);
+    announce(&talker, &scene, &prepared, &repairs);
+    let unmodelled: Vec<Note> = scene
+        .unmodelled
+        .iter()
+        .chain(prepared.unmodelled())
+        .map(|u| Note { what: format!("{}: {}", u.feature, u.effect), element: u.element.clone(), count: 1 })
+        .collect();
+    let scene_name = scene.name.clone();
+    // Meshes and textures live on in the prepared scene.
+    drop(scene);
+
+    let cancel = interrupt_flag();
+    let rendered = pool.install(|| {
+        let progress = |p| talker.progress(p);
+        render(&prepared, &camera, &settings, Control { cancel: Some(cancel), progress: Some(&progress) })
+    });
+    talker.finish();
+
+    let options = LayerOptions {
+        model: args.cost_model(),
+        metrics,
+        radiance: !args.no_radiance,
+        var: args.layers.contains(&LayersArg::Var),
+    };
+    let layers = Layers::from_frame(&rendered.frame, &options);
+    let objects =
+        if rendered.frame.desc().cost { hotspots::first_objects(&rendered.frame) } else { Vec::new() };
+    let mut document = Document::of_frame(&rendered.frame, &options);
+    document.generator = format!("hotspot-render {}", env!("CARGO_PKG_VERSION"));
+    document.scene = scene_name.clone();
+    document.command = std::env::args().collect();
+    document.settings = described_settings(args, &settings, &camera);
+    document.render.seconds = rendered.seconds;
+    document.render.load_seconds = load_seconds;
+    document.render.build_seconds = prepared.build_seconds();
+    document.render.threads = rendered.threads as u32;
+    document.render.kernel = rendered.kernel.clone();
+    document.tree = Tree {
+        builder: format!("obvhs ploc {}", build_options(args).quality.name()),
+        width: hotspot_bvh::WIDTH,
+        nodes: prepared.bvh().node_count() as u64,
+        triangles: prepared.triangle_count() as u64,
+    };
+    let held = prepared.memory();
+    document.memory.geometry = held.geometry;
+    document.memory.bvh = held.bvh;
+    document.memory.textures = held.textures;
+    document.unmodelled = unmodelled;
+    document.repairs =
+        repairs.into_iter().map(|r| Note { what: r.what, element: r.element, count: r.count }).collect();
+    note_non_finite(&talker, &rendered, args, &mut document);
+    if settings.gather.cost {
+        document.hotspots =
+            hotspots::of_frame(&rendered.frame, args.cost_model(), prepared.objects(), HOTSPOTS);
+        document.verdict = hotspots::verdict(&document.hotspots);
+    }
+    document.memory.peak = memory::peak();
+
+    let header = header(&camera, width, height, &rendered, &document);
+    let page = writer.render(Output {
+        stem: &scene_name,
+        layers: &layers,
+        document: &mut document,
+        header,
+        objects: &objects,
+        object_names: prepared.objects(),
+        write_exr: true,
+    })?;
+    for file in &page.files {
+        talker.say(&format!("wrote {file}"));
+    }
+    summarise(&talker, &document, &rendered);
+    finish(&talker, &rendered, args, &document, &page.page)
+}
+
+fn load(args: &RenderArgs) -> Result<Scene, Fail> {
+    let options =
+        LoadOptions { max_memory_bytes: args.max_memory.saturating_mul(1 << 20), ..LoadOptions::default() };
+    match &args.scene {
+        Some(path) => Ok(hotspot_scene::load(path, &options)?),
+        None => Ok(hotspot_scene::load_glb_bytes("demo.glb", demo::GLB, &options)?),
+    }
+}
+
+const fn build_options(args: &RenderArgs) -> BuildOptions {
+    BuildOptions {
+        quality: match args.bvh {
+            QualityArg::Fast => Quality::Fast,
+            QualityArg::Medium => Quality::Medium,
+            QualityArg::High => Quality::High,
+        },
+        isa: match args.isa {
+            IsaArg::Auto => Isa::Auto,
+            IsaArg::Portable => Isa::Portable,
+            IsaArg::Avx2 => Isa::Avx2,
+        },
+    }
+}
+
+/// The camera asked for, the file's first, or one that frames the scene (with a note).
+fn choose_camera(
+    args: &RenderArgs,
+    scene: &Scene,
+    prepared: &RenderScene,
+) -> Result<(Camera, Option<Repair>), Fail> {
+    if let Some(wanted) = &args.camera {
+        let by_index = wanted.strip_prefix('#').and_then(|i| i.parse::<usize>().ok());
+        let found = match by_index {
+            Some(index) => scene.cameras.get(index),
+            None => scene.cameras.iter().find(|c| c.name == *wanted),
+        };
+        return match found {
+            Some(camera) => Ok((camera.clone(), None)),
+            None if scene.cameras.is_empty() => {
+                Err(Fail::usage(format!("--camera {wanted}: the scene has no cameras; leave the option out")))
+            }
+            None => {
+                let names: Vec<&str> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
+                let near = nearest(wanted, names.iter().copied());
+                let hint = near.map_or(String::new(), |near| format!("did you mean \"{near}\"? "));
+                Err(Fail::usage(format!(
+                    "--camera {wanted}: no such camera; {hint}the scene has {}",
+                    names.iter().map(|n| format!("\"{n}\"")).collect::<Vec<_>>().join(", ")
+                )))
+            }
+        };
+    }
+    if let Some(camera) = scene.cameras.first() {
+        return Ok((camera.clone(), None));
+    }
+    let (min, max) = prepared.bounds();
+    let note = Repair {
+        what: "no camera in the file: one that frames the scene is used".into(),
+        element: "scene".into(),
+        count: 1,
+    };
+    Ok((frame_bounds(min, max), Some(note)))
+}
+
+/// 960 pixels on the long edge at the camera's aspect (3:2 where it has none).
+fn default_size(camera: &Camera) -> (u32, u32) {
+    let aspect = match camera.projection {
+        Projection::Perspective { aspect, .. } => aspect.unwrap_or(1.5),
+        Projection::Orthographic { xmag, ymag } => xmag / ymag,
+    };
+    let aspect = if aspect.is_finite() { aspect.clamp(0.01, 100.0) } else { 1.5 };
+    let short = |ratio: f64| ((960.0 / ratio).round() as u32).max(1);
+    if aspect >= 1.0 { (960, short(aspect)) } else { (short(1.0 / aspect), 960) }
+}
+
+/// Refuses frames that would not fit, before anything is allocated.
+fn check_memory(width: u32, height: u32, args: &RenderArgs) -> Result<(), Fail> {
+    let halves = 1 + u64::from(args.intervals);
+    // Sums in f64 and u64, then planes in f32, then the EXR writer's copy: about 800 bytes per pixel and half.
+    let bytes = u64::from(width) * u64::from(height) * 800 * halves;
+    let limit = args.max_memory.saturating_mul(1 << 20);
+    if bytes > limit {
+        return Err(Fail::usage(format!(
+            "{width} x {height} pixels with every layer need about {} MiB, more than --max-memory {}; \
+             make the picture smaller or raise the limit",
+            bytes >> 20,
+            args.max_memory
+        )));
+    }
+    Ok(())
+}
+
+fn settings(
+    args: &RenderArgs,
+    width: u32,
+    height: u32,
+    metrics: hotspot_cost::MetricSet,
+) -> Result<Settings, Fail> {
+    use hotspot_cost::Metric;
+    if args.intervals && args.spp < 2 {
+        return Err(Fail::usage("--intervals needs at least two samples per pixel; raise --spp"));
+    }
+    let time = metrics.contains(Metric::TimeUs);
+    let counts = metrics.iter().any(|m| m != Metric::TimeUs) || metrics.ledgers();
+    let mut settings = Settings::new(width, height);
+    settings.spp = args.spp;
+    settings.cost_spp = args.cost_spp;
+    settings.max_depth = args.max_depth;
+    settings.seed = args.seed;
+    settings.intervals = args.intervals;
+    settings.sampler = match args.sampler {
+        SamplerArg::Sobol => SamplerKind::Sobol,
+        SamplerArg::Independent => SamplerKind::Independent,
+    };
+    settings.roulette_from = args.roulette.0;
+    settings.gather = Gather {
+        radiance: !args.no_radiance,
+        cost: counts,
+        time,
+        trace_shadow_rays: !(args.no_radiance && metrics.only_rays()),
+    };
+    settings.time_limit = args.time_limit.map(Duration::from_secs_f64);
+    Ok(settings)
+}
+
+/// Says what is about to be rendered and what of the file will not be seen as its author meant it.
+fn announce(talker: &Talker, scene: &Scene, prepared: &RenderScene, repairs: &[Repair]) {
+    talker.say(&format!(
+        "{}: {} triangles in {} objects, {} emissive triangles, tree built in {:.2} s",
+        scene.name,
+        prepared.triangle_count(),
+        prepared.objects().len(),
+        prepared.light_count(),
+        prepared.build_seconds()
+    ));
+    let unmodelled: Vec<_> = scene.unmodelled.iter().chain(prepared.unmodelled()).collect();
+    for u in unmodelled.iter().take(8) {
+        talker.say(&format!("not modelled: {} in {}: {}", u.feature, u.element, u.effect));
+    }
+    if unmodelled.len() > 8 {
+        talker.say(&format!("… and {} more, listed in the JSON and the report", unmodelled.len() - 8));
+    }
+    for r in repairs.iter().take(8) {
+        let times = if r.count > 1 { format!(" ({} times)", r.count) } else { String::new() };
+        talker.say(&format!("note: {}: {}{times}", r.element, r.what));
+    }
+    if repairs.len() > 8 {
+        talker.say(&format!("… and {} more notes, listed in the JSON and the report", repairs.len() - 8));
+    }
+}
+
+/// Set by the first Ctrl-C; the second ends the process at once.
+fn interrupt_flag() -> &'static AtomicBool {
+    static CANCEL: AtomicBool = AtomicBool::new(false);
+    // Without a handler Ctrl-C simply ends the process, which is acceptable.
+    let _ = ctrlc::set_handler(|| {
+        if CANCEL.swap(true, Ordering::SeqCst) {
+            std::process::exit(i32::from(INTERRUPTED));
+        }
+        eprintln!("interrupted: finishing this wave and saving (again to end at once)");
+    });
+    &CANCEL
+}
+
+fn described_settings(
+    args: &RenderArgs,
+    settings: &Settings,
+    camera: &Camera,
+) -> std::collections::BTreeMap<String, Value> {
+    let mut map = std::collections::BTreeMap::new();
+    let mut put = |name: &str, value: Value| map.insert(name.to_owned(), value);
+    put("spp", json!(settings.spp));
+    put("cost-spp", json!(settings.cost_spp));
+    put("max-depth", json!(settings.max_depth));
+    put("roulette", settings.roulette_from.map_or(json!("off"), |from| json!(from)));
+    put("seed", json!(settings.seed));
+    put("sampler", json!(settings.sampler.name()));
+    put("intervals", json!(settings.intervals));
+    put("camera", json!(camera.name));
+    put("env", json!(args.env.map(|rgb| rgb.0)));
+    put("metrics", json!(args.metrics));
+    put("no-radiance", json!(args.no_radiance));
+    put("trace-shadow-rays", json!(settings.gather.trace_shadow_rays));
+    put("c0", json!(args.c0));
+    put("c1", json!(args.c1));
+    put("time-limit", json!(args.time_limit));
+    map
+}
+
+/// Non-finite samples are counted in the document and shown with the command that reproduces the first.
+fn note_non_finite(talker: &Talker, rendered: &Rendered, args: &RenderArgs, document: &mut Document) {
+    let Some(first) = rendered.non_finite.first() else { return };
+    let desc = rendered.frame.desc();
+    let scene = args.scene.as_deref().map_or("--demo".into(), |p| p.display().to_string());
+    talker.warn(&format!(
+        "warning: {} samples had a radiance that is not finite and count as black; the first is sample {} of pixel \
+         ({}, {}): hotspot-render {scene} --size {}x{} --seed {} --spp {} shows it again; please report it",
+        rendered.non_finite.len(),
+        first.sample,
+        first.x,
+        first.y,
+        desc.width,
+        desc.height,
+        args.seed,
+        args.spp
+    ));
+    document.repairs.push(Note {
+        what: "samples with a radiance that is not finite, counted as black".into(),
+        element: format!("pixel ({}, {}), sample {}", first.x, first.y, first.sample),
+        count: rendered.non_finite.len() as u64,
+    });
+}
+
+fn header(camera: &Camera, width: u32, height: u32, rendered: &Rendered, document: &Document) -> Header {
+    let (world_to_camera, world_to_ndc) = matrices(camera, f64::from(width) / f64::from(height));
+    Header {
+        samples_per_pixel: Some(rendered.samples),
+        render_seconds: Some(rendered.seconds as f32),
+        world_to_camera: Some(world_to_camera),
+        world_to_ndc: Some(world_to_ndc),
+        comments: format!("{}; {}", document.generator, document.verdict),
+        settings: document
+            .settings
+            .iter()
+            .map(|(k, v)| (k.clone(), v.as_str().map_or_else(|| v.to_string(), str::to_owned)))
+            .collect(),
+        ..Header::default()
+    }
+}
+
+/// worldToCamera and worldToNDC as OpenEXR has them: row vectors, camera space left-handed with y up and z forward.
+fn matrices(camera: &Camera, aspect: f64) -> ([f32; 16], [f32; 16]) {
+    let m = &camera.to_world;
+    let column = |i: usize| [m[0][i], m[1][i], m[2][i]];
+    let (right, up, back, eye) = (column(0), column(1), column(2), column(3));
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let axes = [right, up, back.map(|c| -c)];
+    let mut view = [[0.0; 4]; 4];
+    for (j, axis) in axes.iter().enumerate() {
+        for i in 0..3 {
+            view[i][j] = axis[i];
+        }
+        view[3][j] = -dot(*axis, eye);
+    }
+    view[3][3] = 1.0;
+    // x/w and y/w run from −1 to 1 over the picture; z = 1 and w = depth for perspective.
+    let mut projection = [[0.0; 4]; 4];
+    match camera.projection {
+        Projection::Perspective { yfov, .. } => {
+            let h = (0.5 * yfov).tan();
+            projection[0][0] = 1.0 / (h * aspect);
+            projection[1][1] = 1.0 / h;
+            projection[2][2] = 1.0;
+            projection[2][3] = 1.0;
+        }
+        Projection::Orthographic { ymag, .. } => {
+            projection[0][0] = 1.0 / (ymag * aspect);
+            projection[1][1] = 1.0 / ymag;
+            projection[2][2] = 1.0;
+            projection[3][3] = 1.0;
+        }
+    }
+    let mut ndc = [[0.0; 4]; 4];
+    for i in 0..4 {
+        for j in 0..4 {
+            ndc[i][j] = (0..4).map(|k| view[i][k] * projection[k][j]).sum();
+        }
+    }
+    let flat = |m: [[f64; 4]; 4]| core::array::from_fn(|i| m[i / 4][i % 4] as f32);
+    (flat(view), flat(ndc))
+}
+
+fn summarise(talker: &Talker, document: &Document, rendered: &Rendered) {
+    let [width, height] = document.resolution;
+    let pixels = f64::from(width) * f64::from(height);
+    let rate = f64::from(rendered.samples) * pixels / rendered.seconds.max(1e-9) * 1e-6;
+    let rays = document.totals.get("rays").map_or(String::new(), |rays| {
+        format!(", {:.1} Mrays/s", rays.sum.as_f64() / rendered.seconds.max(1e-9) * 1e-6)
+    });
+    let threads = if rendered.threads == 1 { "thread" } else { "threads" };
+    talker.say(&format!(
+        "{width} x {height}, {} spp in {:.2} s on {} {threads}: {rate:.2} Msamples/s{rays}; peak memory {} MiB",
+        rendered.samples,
+        rendered.seconds,
+        rendered.threads,
+        document.memory.peak >> 20
+    ));
+    if let Some(view) = document.views.iter().find(|v| v.exposure_ev.is_some()) {
+        talker.say(&format!("exposure {:+.2} EV", view.exposure_ev.unwrap_or(0.0)));
+    }
+}
+
+/// The last line, and how the command ends.
+fn finish(
+    talker: &Talker,
+    rendered: &Rendered,
+    args: &RenderArgs,
+    document: &Document,
+    page: &Path,
+) -> Result<(), Fail> {
+    if document.verdict.is_empty() {
+        talker.say(&format!("→ open {}", page.display()));
+    } else {
+        talker.say(&format!("Costliest: {} → open {}", document.verdict, page.display()));
+    }
+    match rendered.stop {
+        Stop::Done => Ok(()),
+        Stop::TimeLimit => {
+            talker.say(&format!(
+                "stopped by --time-limit after {} of {} samples per pixel",
+                rendered.samples, args.spp
+            ));
+            Ok(())
+        }
+        Stop::Cancelled => Err(Fail::new(
+            INTERRUPTED,
+            format!("interrupted: saved {} of {} samples per pixel", rendered.samples, args.spp),
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_follow_the_camera() {
+        let camera = |aspect| Camera {
+            name: String::new(),
+            to_world: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+            projection: Projection::Perspective { yfov: 1.0, aspect },
+        };
+        assert_eq!(default_size(&camera(Some(16.0 / 9.0))), (960, 540));
+        assert_eq!(default_size(&camera(Some(0.5))), (480, 960));
+        assert_eq!(default_size(&camera(None)), (960, 640));
+    }
+
+    #[test]
+    fn a_point_in_the_middle_of_the_view_is_at_the_origin_of_ndc() {
+        let camera = Camera {
+            name: String::new(),
+            to_world: [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 2.0], [0.0, 0.0, 1.0, 3.0]],
+            projection: Projection::Perspective { yfov: core::f64::consts::FRAC_PI_2, aspect: None },
+        };
+        let (view, ndc) = matrices(&camera, 2.0);
+        let apply = |m: [f32; 16], p: [f32; 4]| -> [f32; 4] {
+            core::array::from_fn(|j| (0..4).map(|i| p[i] * m[4 * i + j]).sum())
+        };
+        // Five ahead of the camera (towards −z), on its axis.
+        assert_eq!(apply(view, [1.0, 2.0, -2.0, 1.0]), [0.0, 0.0, 5.0, 1.0]);
+        let corner = apply(ndc, [11.0, 7.0, -2.0, 1.0]);
+        assert!((corner[0] / corner[3] - 1.0).abs() < 1e-6 && (corner[1] / corner[3] - 1.0).abs() < 1e-6);
+    }
+}

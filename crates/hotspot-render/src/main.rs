@@ -1,0 +1,46 @@
+//! The command line: the only room that prints and exits.
+#![forbid(unsafe_code)]
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "talking to people is what this crate is for")]
+
+mod args;
+mod commands;
+mod demo;
+mod fail;
+mod memory;
+mod output;
+mod progress;
+
+use args::{Cli, Command};
+use clap::Parser;
+use fail::Fail;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let words = args::with_default_command(std::env::args_os().collect());
+    let words = match words {
+        Ok(words) => words,
+        Err(fail) => return report(&fail),
+    };
+    let cli = match Cli::try_parse_from(words) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version are errors to clap; they print to standard output and succeed. A closed pipe is no news.
+            let _ = error.print();
+            return ExitCode::from(if error.use_stderr() { fail::USAGE } else { 0 });
+        }
+    };
+    let result = match cli.command {
+        Command::Render(options) => commands::render::run(&options),
+        Command::Compare(options) => commands::compare::run(&options),
+        Command::Report(options) => commands::report::run(&options),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(fail) => report(&fail),
+    }
+}
+
+fn report(fail: &Fail) -> ExitCode {
+    eprintln!("hotspot-render: {}", fail.message);
+    ExitCode::from(fail.code)
+}
