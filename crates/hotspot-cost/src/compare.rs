@@ -124,7 +124,11 @@ pub fn compare(a: Side<'_>, b: Side<'_>, force: bool) -> Result<Comparison> {
         b: b.name.to_owned(),
         forced: force && sides.overridden,
         notes: sides.notes.clone(),
-        layers: if sides.same_size { Layers::new(a.layers.width, a.layers.height) } else { Layers::default() },
+        layers: if sides.same_size {
+            Layers::new(a.layers.width, a.layers.height)
+        } else {
+            Layers::default()
+        },
         ..Comparison::default()
     };
     for metric in &sides.metrics {
@@ -143,10 +147,8 @@ impl Comparison {
         {
             let relative = |a: f32, b: f32| if a == 0.0 { 0.0 } else { (b - a) / a };
             self.layers.insert(format!("diff.{name}"), a.iter().zip(b).map(|(a, b)| b - a).collect());
-            self.layers.insert(
-                format!("relative.{name}"),
-                a.iter().zip(b).map(|(a, b)| relative(*a, *b)).collect(),
-            );
+            self.layers
+                .insert(format!("relative.{name}"), a.iter().zip(b).map(|(a, b)| relative(*a, *b)).collect());
             if metric != Metric::TimeUs
                 && let (Some(half_a), Some(half_b)) =
                     (sides.a.layers.half(metric), sides.b.layers.half(metric))
@@ -180,7 +182,8 @@ impl Comparison {
 /// The change of a metric's mean with its interval.
 fn change(sides: &Sides<'_>, metric: Metric) -> TotalChange {
     let (a, b) = (sides.mean(&sides.a, metric), sides.mean(&sides.b, metric));
-    let sum = |side: &Side<'_>| side.document.and_then(|document| document.total(metric)).map(|total| total.sum);
+    let sum =
+        |side: &Side<'_>| side.document.and_then(|document| document.total(metric)).map(|total| total.sum);
     let mut change = TotalChange {
         a,
         b,

@@ -11,12 +11,12 @@
 use crate::error::{Error, Result};
 use crate::layers::Layers;
 use exr::prelude::{
-    AnyChannel, AnyChannels, AttributeValue, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes,
-    LineOrder, ReadChannels, ReadLayers, Text, WritableImage,
+    AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples, Image, Layer,
+    LayerAttributes, LineOrder, ReadChannels, ReadLayers, Text, WritableImage,
 };
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Write};
+use std::io::{BufReader, BufWriter, Read, Seek, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -88,11 +88,14 @@ pub fn write(path: &Path, layers: &Layers, header: &Header) -> Result<()> {
         _ => Path::new("."),
     };
     let image = image(layers, header, &place)?;
-    let file = tempfile::Builder::new().prefix(".hotspot-").suffix(".exr.part").tempfile_in(folder).map_err(io)?;
+    let file =
+        tempfile::Builder::new().prefix(".hotspot-").suffix(".exr.part").tempfile_in(folder).map_err(io)?;
     let mut writer = BufWriter::new(file);
     image.write().non_parallel().to_buffered(&mut writer).map_err(|error| match error {
         exr::error::Error::Io(source) => io(source),
-        other => Error::invalid(&place, format!("the picture does not fit the format: {other}"), "report this"),
+        other => {
+            Error::invalid(&place, format!("the picture does not fit the format: {other}"), "report this")
+        }
     })?;
     writer.flush().map_err(io)?;
     let file = writer.into_inner().map_err(|error| io(error.into_error()))?;
@@ -114,14 +117,11 @@ fn allow_reading(file: &File) -> std::io::Result<()> {
     Ok(())
 }
 
-fn image(
-    layers: &Layers,
-    header: &Header,
-    place: &str,
-) -> Result<Image<Layer<AnyChannels<FlatSamples>>>> {
-    let channels = layers.planes.iter().map(|(name, plane)| {
-        AnyChannel::new(text(name), FlatSamples::F32(plane.clone()))
-    });
+fn image(layers: &Layers, header: &Header, place: &str) -> Result<Image<Layer<AnyChannels<FlatSamples>>>> {
+    let channels = layers
+        .planes
+        .iter()
+        .map(|(name, plane)| AnyChannel::new(text(name), FlatSamples::F32(plane.clone())));
     let mut attributes = LayerAttributes {
         comments: (!header.comments.is_empty()).then(|| text(&header.comments)),
         world_to_camera: header.world_to_camera,
@@ -149,8 +149,11 @@ fn image(
         }
         other.insert(text(&name), AttributeValue::Text(text(value)));
     }
-    let encoding =
-        Encoding { compression: Compression::ZIP16, line_order: LineOrder::Increasing, ..Encoding::default() };
+    let encoding = Encoding {
+        compression: Compression::ZIP16,
+        blocks: Blocks::ScanLines,
+        line_order: LineOrder::Increasing,
+    };
     let size = (layers.width as usize, layers.height as usize);
     Ok(Image::from_layer(Layer::new(size, attributes, encoding, AnyChannels::sort(channels.collect()))))
 }
@@ -171,16 +174,20 @@ fn string(text: &Text) -> String {
 /// [`Error::Unsupported`] when it holds deep pixels alone or a compression without decoder, [`Error::Limit`] when it is
 /// larger than `limits`.
 pub fn read(path: &Path, limits: &Limits) -> Result<ExrFile> {
-    let place = path.display().to_string();
     let file =
         File::open(path).map_err(|source| Error::Io { action: "open", path: path.to_owned(), source })?;
+    read_from(BufReader::new(file), path, limits)
+}
+
+fn read_from(source: impl Read + Seek, path: &Path, limits: &Limits) -> Result<ExrFile> {
+    let place = path.display().to_string();
     // The decoder returns errors for the damage it foresees; for what it does not, a panic must not pass.
-    catch_unwind(AssertUnwindSafe(|| decode(file, path, &place, limits))).unwrap_or_else(|_| {
+    catch_unwind(AssertUnwindSafe(|| decode(source, path, &place, limits))).unwrap_or_else(|_| {
         Err(Error::invalid(&place, "the file is damaged: its decoder gave up", "write it again"))
     })
 }
 
-fn decode(file: File, path: &Path, place: &str, limits: &Limits) -> Result<ExrFile> {
+fn decode(source: impl Read + Seek, path: &Path, place: &str, limits: &Limits) -> Result<ExrFile> {
     let convert = |error: exr::error::Error| match error {
         exr::error::Error::Io(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
             Error::Io { action: "read", path: path.to_owned(), source }
@@ -190,7 +197,7 @@ fn decode(file: File, path: &Path, place: &str, limits: &Limits) -> Result<ExrFi
         }
         other => Error::invalid(place, format!("it does not read as EXR: {other}"), "write it again"),
     };
-    let chunks = exr::block::read(BufReader::new(file), false).map_err(convert)?;
+    let chunks = exr::block::read(source, false).map_err(convert)?;
     check(chunks.headers(), place, limits)?;
     let image = exr::prelude::read()
         .no_deep_data()
@@ -211,7 +218,8 @@ fn decode(file: File, path: &Path, place: &str, limits: &Limits) -> Result<ExrFi
         }
         let part = layer.attributes.layer_name.as_ref().map(string).unwrap_or_default();
         if size != (file.layers.width as usize, file.layers.height as usize) {
-            file.ignored.push(format!("part \"{part}\": {} × {} differs from the first part", size.0, size.1));
+            file.ignored
+                .push(format!("part \"{part}\": {} × {} differs from the first part", size.0, size.1));
             continue;
         }
         for channel in layer.channel_data.list {
@@ -257,7 +265,9 @@ fn check(headers: &[exr::meta::header::Header], place: &str, limits: &Limits) ->
                 advice: "crop or scale it down".to_owned(),
             });
         }
-        if let Some(channel) = header.channels.list.iter().find(|channel| channel.sampling != exr::math::Vec2(1, 1)) {
+        if let Some(channel) =
+            header.channels.list.iter().find(|channel| channel.sampling != exr::math::Vec2(1, 1))
+        {
             return Err(Error::unsupported(
                 place,
                 format!("channel \"{}\" is subsampled", string(&channel.name)),

@@ -93,7 +93,8 @@ pub struct Factors {
 
 /// The hotspots of a frame by `intersection`, at most `most`; `names[object]` names an object. Empty without cost.
 pub fn of_frame(frame: &Frame, model: CostModel, names: &[String], most: usize) -> Vec<Hotspot> {
-    let options = LayerOptions { model, metrics: MetricSet::ALL, radiance: false, var: !frame.desc().intervals };
+    let options =
+        LayerOptions { model, metrics: MetricSet::ALL, radiance: false, var: !frame.desc().intervals };
     of_layers(&Layers::from_frame(frame, &options), Metric::Intersection, &first_objects(frame), names, most)
 }
 
@@ -250,8 +251,12 @@ struct Medians {
 impl Medians {
     fn of(input: &HotspotInput<'_>) -> Self {
         let per_ray = |plane: &[f32]| {
-            let ratios: Vec<f32> =
-                plane.iter().zip(input.rays).filter(|(_, rays)| **rays > 0.0).map(|(v, rays)| v / rays).collect();
+            let ratios: Vec<f32> = plane
+                .iter()
+                .zip(input.rays)
+                .filter(|(_, rays)| **rays > 0.0)
+                .map(|(v, rays)| v / rays)
+                .collect();
             median(&ratios)
         };
         Self {

@@ -128,15 +128,12 @@ impl Layers {
         }
         layers.fill_cost("cost.samples", frame, |pixel| pixel.samples as f32);
         for metric in options.metrics.iter().filter(|metric| metric.in_layers()) {
-            let mean_of =
-                |pixel: &CostPixel| mean(metric.sum(pixel, options.model), metric.samples(pixel));
+            let mean_of = |pixel: &CostPixel| mean(metric.sum(pixel, options.model), metric.samples(pixel));
             layers.fill_cost(&metric.layer(), frame, |pixel| mean_of(pixel) as f32);
             if intervals {
                 let plane = frame
                     .pixels()
-                    .map(|(x, y)| {
-                        half([0, 1].map(|half| frame.cost(x, y, half).map_or(0.0, mean_of)))
-                    })
+                    .map(|(x, y)| half([0, 1].map(|half| frame.cost(x, y, half).map_or(0.0, mean_of))))
                     .collect();
                 layers.insert(format!("half.{}", metric.name()), plane);
             }
@@ -212,10 +209,25 @@ mod tests {
     fn the_names_are_those_of_the_format() {
         let frame = random_frame(FrameDesc { intervals: true, ..FrameDesc::new(4, 4) }, 2, 1);
         let layers = Layers::from_frame(&frame, &LayerOptions { var: true, ..LayerOptions::default() });
-        let mut expected: Vec<String> = ["R", "G", "B", "A", "samples", "cost.samples"].map(String::from).to_vec();
+        let mut expected: Vec<String> =
+            ["R", "G", "B", "A", "samples", "cost.samples"].map(String::from).to_vec();
         let cost = [
-            "rays", "rays_shadow", "nodes", "nodes_shadow", "shapes", "shapes_shadow", "intersection",
-            "intersection_shadow", "time_us", "boxes", "leaves", "instances", "bsdf", "texture", "texture_bytes", "waste",
+            "rays",
+            "rays_shadow",
+            "nodes",
+            "nodes_shadow",
+            "shapes",
+            "shapes_shadow",
+            "intersection",
+            "intersection_shadow",
+            "time_us",
+            "boxes",
+            "leaves",
+            "instances",
+            "bsdf",
+            "texture",
+            "texture_bytes",
+            "waste",
         ];
         let cause = ["throughput", "escaped", "absorbed", "roulette", "depth_limit"];
         for name in cost {
@@ -227,7 +239,9 @@ mod tests {
         expected.extend(["red", "green", "blue"].map(|name| format!("half.{name}")));
         let var = ["red", "green", "blue", "rays", "nodes", "shapes", "intersection"];
         expected.extend(var.map(|name| format!("var.{name}")));
-        expected.extend(["escaped", "absorbed", "roulette", "depth_limit"].map(|name| format!("var.cause.{name}")));
+        expected.extend(
+            ["escaped", "absorbed", "roulette", "depth_limit"].map(|name| format!("var.cause.{name}")),
+        );
         expected.sort();
         let names: Vec<&String> = layers.planes.keys().collect();
         assert_eq!(names, expected.iter().collect::<Vec<_>>());

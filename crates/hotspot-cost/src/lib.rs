@@ -1,4 +1,31 @@
 //! Per-pixel cost layers for any path tracer.
+//!
+//! A renderer feeds the recorder (the paper is *Identifying and Visualizing Computational Hotspots in Path Tracing*,
+//! Sundarrajan, van de Ruit, Eisemann 2022); everything else follows from the [`Frame`]: [`Layers`] for an EXR file
+//! (`exr_io`), totals with intervals ([`stats`]), hotspots with causes ([`hotspots`]), the [`Document`] beside the
+//! picture, and the [`Comparison`] of two renders. Nothing here prints, starts threads or keeps global state.
+//!
+//! ```
+//! use hotspot_cost::{Cause, CostModel, Frame, FrameDesc, LayerOptions, Layers, Metric, PathEnd, stats};
+//! use hotspot_probe::Spawner;
+//!
+//! let mut frame = Frame::new(FrameDesc::new(32, 16));
+//! for tile in frame.tiles_mut() {
+//!     for (x, y) in tile.rect().pixels() {
+//!         tile.film_mut(x, y, 0).add([0.5, 0.5, 0.5]);
+//!         let mut pixel = tile.pixel(x, y, 0);
+//!         let mut path = pixel.path();
+//!         path.add_ray(Spawner::CAMERA, 10 + x, 3, true);
+//!         path.end(PathEnd { cause: Cause::Escaped, throughput: 1.0, brought_radiance: true, first_object: 0 });
+//!     }
+//! }
+//! let layers = Layers::from_frame(&frame, &LayerOptions::default());
+//! assert_eq!(layers.metric(Metric::Nodes).unwrap()[5], 15.0);
+//! assert_eq!(stats::total(&frame, Metric::Nodes, CostModel::default()).mean, 25.5);
+//! ```
+//!
+//! # Limits
+//! Ledgers are not gathered yet. Pixels are compared as tiles of 8 × 8. Time has no intervals: they need repeated renders.
 #![forbid(unsafe_code)]
 
 pub mod analysis;

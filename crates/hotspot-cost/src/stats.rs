@@ -137,9 +137,8 @@ pub fn estimated_relmse(frame: &Frame) -> Option<(f64, CiKind)> {
         for channel in 0..3 {
             let value = mean(film.sum[channel], film.samples);
             let variance = if intervals {
-                let [a, b] = [0, 1].map(|half| {
-                    frame.film(x, y, half).map_or(0.0, |f| mean(f.sum[channel], f.samples))
-                });
+                let [a, b] = [0, 1]
+                    .map(|half| frame.film(x, y, half).map_or(0.0, |f| mean(f.sum[channel], f.samples)));
                 0.25 * (a - b) * (a - b)
             } else {
                 variance_of_mean(film.sum[channel], film.squares[channel], film.samples).unwrap_or(0.0)

@@ -63,7 +63,8 @@ pub(crate) fn random_path(frame: &mut Frame, x: u32, y: u32, half: usize, random
         path.bsdf(2);
         path.texture(1, 16);
     }
-    let cause = [Cause::Escaped, Cause::Absorbed, Cause::Roulette, Cause::DepthLimit][random.below(4) as usize];
+    let cause =
+        [Cause::Escaped, Cause::Absorbed, Cause::Roulette, Cause::DepthLimit][random.below(4) as usize];
     let first_object = if random.below(5) == 0 { NONE } else { x / 8 };
     path.end(PathEnd { cause, throughput: random.unit() as f32, brought_radiance: bright, first_object });
     tile.add_time(x, y, half, 1500, 1);

@@ -55,7 +55,9 @@ pub struct Instance {
     pub mesh: u32,
     /// Index into [`Scene::materials`].
     pub material: u32,
-    /// Object space to world space: rows of a 3×4 affine matrix, `world = m[..][0..3] * p + m[..][3]`.
+    /// Object space to world space: rows of a 3×4 affine matrix, `world = m[..][0..3] * p + m[..][3]`. Finite, as the file
+    /// says: where its determinant is negative, whoever applies it must also turn the triangles round (swap two corners)
+    /// for the front to stay the front; where it is zero, triangles may collapse.
     pub to_world: [[f64; 4]; 3],
 }
 

@@ -119,7 +119,8 @@ fn a_change_in_one_tile_is_found_there() {
     assert_eq!(tests.significant, Some(64));
     let flags = &comparison.layers.planes["significant.nodes"];
     assert!(flags.iter().enumerate().all(|(i, flag)| (*flag == 1.0) == (i % 32 < 8 && i / 32 < 8)));
-    let (diff, relative) = (&comparison.layers.planes["diff.nodes"], &comparison.layers.planes["relative.nodes"]);
+    let (diff, relative) =
+        (&comparison.layers.planes["diff.nodes"], &comparison.layers.planes["relative.nodes"]);
     let old = a.planes["cost.nodes"][3];
     assert_eq!(diff[3], b.planes["cost.nodes"][3] - old);
     assert_eq!(relative[3], diff[3] / old);
@@ -170,7 +171,8 @@ fn unlike_renders_are_refused_unless_forced() {
     let a = NOISY.render(&mut Random::new(8));
     let mut one = Document::default();
     one.tree.width = 8;
-    let changes: [(&str, fn(&mut Document)); 3] = [
+    type Change = fn(&mut Document);
+    let changes: [(&str, Change); 3] = [
         ("tree width (8 and 2)", |d| d.tree.width = 2),
         ("builder ( and sah)", |d| d.tree.builder = "sah".to_owned()),
         ("kernel ( and packet)", |d| d.render.kernel = "packet".to_owned()),
@@ -180,7 +182,10 @@ fn unlike_renders_are_refused_unless_forced() {
         change(&mut two);
         let [x, y] = [&one, &two].map(|document| Side { document: Some(document), ..side(&a) });
         let error = compare(x, y, false).unwrap_err();
-        assert!(matches!(error, crate::Error::Unsupported { .. }) && error.to_string().contains(what), "{error}");
+        assert!(
+            matches!(error, crate::Error::Unsupported { .. }) && error.to_string().contains(what),
+            "{error}"
+        );
         assert!(compare(x, y, true).unwrap().forced);
         assert!(!compare(x, x, true).unwrap().forced);
     }

@@ -52,8 +52,8 @@ mod tests {
     fn benjamini_hochberg_on_the_papers_example() {
         // Benjamini and Hochberg 1995, section 4: 15 p-values, of which the procedure rejects four at 5 %.
         let p = [
-            0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459, 0.3240, 0.4262, 0.5719, 0.6528,
-            0.7590, 1.0,
+            0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459, 0.3240, 0.4262, 0.5719,
+            0.6528, 0.7590, 1.0,
         ];
         assert_eq!(benjamini_hochberg(&p, 0.05), 0.0095);
         assert_eq!(benjamini_hochberg(&[0.2, 0.9], 0.05), -1.0);

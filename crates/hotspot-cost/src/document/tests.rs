@@ -33,7 +33,13 @@ fn schema() -> Value {
 
 /// Checks the parts of JSON Schema that ours uses, and collects the properties met. Unlike the published schema it takes
 /// no unknown keys, so that the two cannot drift apart.
-fn check(value: &Value, schema: &Value, root: &Value, path: &str, met: &mut BTreeSet<String>) -> Result<(), String> {
+fn check(
+    value: &Value,
+    schema: &Value,
+    root: &Value,
+    path: &str,
+    met: &mut BTreeSet<String>,
+) -> Result<(), String> {
     if let Some(reference) = schema["$ref"].as_str() {
         let target = root.pointer(reference.strip_prefix('#').unwrap()).unwrap();
         return check(value, target, root, path, met);
@@ -105,7 +111,10 @@ fn properties(schema: &Value, path: &str, all: &mut Vec<(String, String)>) {
                 let inner_path = format!("{path}/{name}");
                 if name == "properties" {
                     for (property, value) in inner.as_object().unwrap() {
-                        all.push((format!("{:p}", std::ptr::from_ref(value)), format!("{inner_path}/{property}")));
+                        all.push((
+                            format!("{:p}", std::ptr::from_ref(value)),
+                            format!("{inner_path}/{property}"),
+                        ));
                     }
                 }
                 properties(inner, &inner_path, all);

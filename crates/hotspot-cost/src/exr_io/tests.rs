@@ -1,7 +1,7 @@
 use super::*;
 use crate::testing::random_frame;
 use crate::{FrameDesc, LayerOptions};
-use exr::prelude::{Blocks, Vec2, f16};
+use exr::prelude::{Vec2, f16};
 
 fn sample() -> (Layers, Header) {
     let frame = random_frame(FrameDesc { intervals: true, ..FrameDesc::new(37, 19) }, 2, 3);
@@ -52,7 +52,13 @@ fn the_file_has_the_format_agreed_on() {
     let mut sorted = names.clone();
     sorted.sort();
     assert_eq!(names, sorted);
-    assert!(header.channels.list.iter().all(|channel| channel.sample_type == exr::meta::attribute::SampleType::F32));
+    assert!(
+        header
+            .channels
+            .list
+            .iter()
+            .all(|channel| channel.sample_type == exr::meta::attribute::SampleType::F32)
+    );
     for name in ["R", "G", "B", "A", "samples", "cost.nodes_shadow", "half.red", "cause.roulette"] {
         assert!(names.contains(&name.to_owned()), "{name}");
     }
@@ -69,9 +75,15 @@ fn errors_name_the_file() {
     let path = folder.path().join("missing").join("a.exr");
     let (layers, header) = sample();
     let error = write(&path, &layers, &header).unwrap_err();
-    assert!(matches!(error, Error::Io { action: "write", .. }) && error.to_string().contains("a.exr"), "{error}");
+    assert!(
+        matches!(error, Error::Io { action: "write", .. }) && error.to_string().contains("a.exr"),
+        "{error}"
+    );
     let error = read(&path, &Limits::default()).unwrap_err();
-    assert!(matches!(error, Error::Io { action: "open", .. }) && error.to_string().contains("a.exr"), "{error}");
+    assert!(
+        matches!(error, Error::Io { action: "open", .. }) && error.to_string().contains("a.exr"),
+        "{error}"
+    );
     let path = folder.path().join("b.exr");
     assert!(matches!(write(&path, &Layers::new(3, 3), &header), Err(Error::Invalid { .. })));
     let long = Header { settings: [("x".repeat(300), String::new())].into(), ..header };
@@ -93,7 +105,7 @@ fn limits_hold_before_pixels_are_read() {
 }
 
 #[test]
-fn damaged_files_are_refused_without_panic_or_large_allocation() {
+fn damaged_files_never_panic() {
     let folder = folder();
     let path = folder.path().join("a.exr");
     let mut layers = Layers::new(20, 20);
@@ -102,26 +114,24 @@ fn damaged_files_are_refused_without_panic_or_large_allocation() {
     write(&path, &layers, &Header::default()).unwrap();
     let good = std::fs::read(&path).unwrap();
     let limits = Limits { pixels: 1 << 20, bytes: 1 << 24 };
+    let attempt = |bytes: &[u8]| read_from(std::io::Cursor::new(bytes), &path, &limits);
+    assert!(attempt(&good).is_ok());
     for length in 0..good.len() {
-        std::fs::write(&path, &good[..length]).unwrap();
-        let outcome = read(&path, &limits);
+        let outcome = attempt(&good[..length]);
         assert!(outcome.is_err(), "{length} of {} bytes read as {outcome:?}", good.len());
     }
-    // Every byte of header and tables, turned to its extremes.
     for index in 0..good.len() {
         for value in [0x00, 0x7f, 0xff, good[index] ^ 1] {
             let mut bad = good.clone();
             bad[index] = value;
-            std::fs::write(&path, &bad).unwrap();
-            if let Ok(file) = read(&path, &limits) {
+            if let Ok(file) = attempt(&bad) {
                 let pixels = file.layers.pixels();
                 assert!(file.layers.planes.values().all(|plane| plane.len() == pixels));
             }
         }
     }
     for text in [&b""[..], b"not an EXR file at all", &[0x76, 0x2f, 0x31, 0x01]] {
-        std::fs::write(&path, text).unwrap();
-        assert!(matches!(read(&path, &limits), Err(Error::Invalid { .. })));
+        assert!(matches!(attempt(text), Err(Error::Invalid { .. })));
     }
 }
 
@@ -152,12 +162,19 @@ fn other_programs_files_are_read() {
         },
     ];
     for encoding in encodings {
-        Image::from_layer(foreign(None, Vec2(21, 18), encoding)).write().non_parallel().to_file(&path).unwrap();
+        Image::from_layer(foreign(None, Vec2(21, 18), encoding))
+            .write()
+            .non_parallel()
+            .to_file(&path)
+            .unwrap();
         let file = read(&path, &Limits::default()).unwrap();
         assert_eq!((file.layers.width, file.layers.height), (21, 18), "{encoding:?}");
         for (name, factor) in [("cost.rays", 1.0), ("cost.nodes", 3.0), ("cost.shapes", 0.5)] {
             let plane = file.layers.plane(name).unwrap();
-            assert!(plane.iter().enumerate().all(|(i, value)| *value == factor * i as f32), "{encoding:?} {name}");
+            assert!(
+                plane.iter().enumerate().all(|(i, value)| *value == factor * i as f32),
+                "{encoding:?} {name}"
+            );
         }
         assert_eq!(file.header, Header::default());
     }

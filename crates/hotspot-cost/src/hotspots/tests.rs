@@ -60,7 +60,8 @@ fn objects_split_what_touches_and_cost_does_not_bleed() {
     assert_eq!(boxes, [(Some(1), [30, 20, 40, 32]), (None, [40, 20, 50, 32])]);
     assert_eq!(
         verdict(&found),
-        "41 % of the cost lies in 4 % of the pixels: \"Wardrobe mirror\"".replace("41 %", &format!("{:.0} %", found[0].cost_share * 100.0))
+        "41 % of the cost lies in 4 % of the pixels: \"Wardrobe mirror\""
+            .replace("41 %", &format!("{:.0} %", found[0].cost_share * 100.0))
     );
     // Without objects they are one.
     let found = find(&HotspotInput { objects: &[], ..input(&cost, &objects) }, &names(), 10);

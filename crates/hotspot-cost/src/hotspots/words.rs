@@ -23,7 +23,11 @@ pub(super) fn cause(factors: &Factors) -> String {
     if let Some(waste) = factors.waste_share.filter(|share| *share >= 0.5) {
         words.push(format!("{:.0} % of the cost brings no light (blocked or lost rays)", waste * 100.0));
     }
-    if words.is_empty() { "slightly more of everything than the median pixel".to_owned() } else { words.join("; ") }
+    if words.is_empty() {
+        "slightly more of everything than the median pixel".to_owned()
+    } else {
+        words.join("; ")
+    }
 }
 
 /// One sentence for people: `41 % of the cost lies in 9 % of the pixels: "Wardrobe mirror"`. Takes hotspots by rank until

@@ -33,7 +33,10 @@ fn sums_beyond_32_and_53_bits_are_exact() {
     let total = |metric| stats::total(&frame, metric, CostModel::default()).sum;
     assert_eq!(total(Metric::Nodes), Sum::Exact(exact));
     assert_eq!(total(Metric::Intersection), Sum::Exact(exact + (1 << 22) + 1));
-    assert_eq!(stats::total(&frame, Metric::Intersection, CostModel { c0: 1.5, c1: 0.0 }).sum, Sum::Real(1.5 * exact as f64));
+    assert_eq!(
+        stats::total(&frame, Metric::Intersection, CostModel { c0: 1.5, c1: 0.0 }).sum,
+        Sum::Real(1.5 * exact as f64)
+    );
     let text = serde_json::to_string(&total(Metric::Nodes)).unwrap();
     assert_eq!(text, exact.to_string());
     assert_eq!(serde_json::from_str::<Sum>(&text).unwrap(), Sum::Exact(exact));
@@ -47,8 +50,7 @@ fn pixels_add_up_to_totals_and_layers_to_both() {
         let layers = Layers::from_frame(&frame, &LayerOptions { model, ..LayerOptions::default() });
         for metric in Metric::ALL {
             let total = stats::total(&frame, metric, model);
-            let pixels: f64 =
-                frame.pixels().map(|(x, y)| metric.sum(&frame.cost_total(x, y), model)).sum();
+            let pixels: f64 = frame.pixels().map(|(x, y)| metric.sum(&frame.cost_total(x, y), model)).sum();
             assert!((pixels - total.sum.as_f64()).abs() <= 1e-12 * pixels, "{metric:?}");
             if let Some(plane) = layers.metric(metric) {
                 let samples = layers.plane("cost.samples").unwrap();
@@ -145,7 +147,8 @@ fn random_by_waves(waves: &[u32]) -> Frame {
         for (x, y) in frame.pixels() {
             for half in 0..2 {
                 for sample in first..first + wave {
-                    let key = (u64::from(sample) << 40) | (u64::from(y) << 20) | u64::from(x) << 2 | half as u64;
+                    let key =
+                        (u64::from(sample) << 40) | (u64::from(y) << 20) | u64::from(x) << 2 | half as u64;
                     random_path(&mut frame, x, y, half, &mut Random::new(key), 5);
                 }
             }
@@ -164,8 +167,14 @@ fn buckets_of_ones_own_merge_to_the_same_frame() {
             for half in 0..2 {
                 // Past the frame too: that part must be ignored.
                 let index = bucket.index(x, y, half);
-                bucket.film[index] = source.film(x, y, half).copied().unwrap_or(FilmPixel { samples: 9, ..FilmPixel::default() });
-                bucket.cost[index] = source.cost(x, y, half).copied().unwrap_or(CostPixel { samples: 9, ..CostPixel::default() });
+                bucket.film[index] = source
+                    .film(x, y, half)
+                    .copied()
+                    .unwrap_or(FilmPixel { samples: 9, ..FilmPixel::default() });
+                bucket.cost[index] = source
+                    .cost(x, y, half)
+                    .copied()
+                    .unwrap_or(CostPixel { samples: 9, ..CostPixel::default() });
             }
         }
         bucket
@@ -187,7 +196,9 @@ fn overlapping_recorders_add_up_and_no_half_is_lost() {
         single.merge(tile);
         single.merge(tile);
     }
-    for metric in MetricSet::ALL.iter().filter(|metric| !matches!(metric, Metric::Throughput | Metric::TimeUs)) {
+    for metric in
+        MetricSet::ALL.iter().filter(|metric| !matches!(metric, Metric::Throughput | Metric::TimeUs))
+    {
         let total = |frame: &Frame| metric.total(frame.costs(), CostModel::default()).as_f64();
         assert_eq!(total(&single), 2.0 * total(&halves), "{metric:?}");
     }

@@ -80,7 +80,11 @@ fn what_each_metric_knows_about_itself() {
         let time = metric == Metric::TimeUs;
         assert_eq!(kind(&halves, metric), if time { CiKind::None } else { CiKind::Halves }, "{metric:?}");
         let squares = metric.squares(&CostPixel::default(), CostModel::default()).is_some();
-        assert_eq!(kind(&plain, metric), if squares { CiKind::Conservative } else { CiKind::None }, "{metric:?}");
+        assert_eq!(
+            kind(&plain, metric),
+            if squares { CiKind::Conservative } else { CiKind::None },
+            "{metric:?}"
+        );
         for frame in [&halves, &plain] {
             let total = total(frame, metric, CostModel::default());
             assert_eq!(total.ci95.is_some(), total.ci_kind != CiKind::None);
@@ -97,7 +101,10 @@ fn an_empty_frame_has_totals_of_nothing() {
     let total = total(&frame, Metric::Nodes, CostModel::default());
     assert_eq!(total, Total { sum: Sum::Exact(0), mean: 0.0, ci95: None, ci_kind: CiKind::None });
     assert_eq!(estimated_relmse(&frame), None);
-    assert!(totals(&Frame::new(FrameDesc { cost: false, ..desc(false) }), MetricSet::ALL, CostModel::default()).is_empty());
+    assert!(
+        totals(&Frame::new(FrameDesc { cost: false, ..desc(false) }), MetricSet::ALL, CostModel::default())
+            .is_empty()
+    );
 }
 
 #[test]

@@ -36,12 +36,6 @@ pub(crate) struct BsdfSample {
     pub(crate) eta_scale: f32,
 }
 
-impl BsdfSample {
-    pub(crate) const fn is_specular(&self) -> bool {
-        self.pdf == f32::INFINITY
-    }
-}
-
 impl Bsdf {
     /// True when no direction but single ones has f > 0, so that light sampling is in vain.
     #[inline(always)]

@@ -1,0 +1,75 @@
+//! Which glTF extensions the scene models, and what becomes of the others.
+
+use super::json::Element;
+use crate::error::{Result, unsupported};
+use crate::notes::Notes;
+
+/// Extensions whose meaning reaches the scene.
+const MODELLED: [&str; 7] = [
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// Extensions that say nothing about the picture.
+const SILENT: [&str; 3] = ["KHR_xmp", "KHR_xmp_json_ld", "KHR_draco_mesh_compression"];
+
+/// Refuses a file that demands an extension which we lack: without it, it would be misread.
+pub(crate) fn check_required(root: &Element<'_>) -> Result<()> {
+    for (i, value) in root.array("extensionsRequired")?.iter().enumerate() {
+        let path = format!("extensionsRequired[{i}]");
+        let Some(name) = value.as_str() else {
+            return Err(crate::error::invalid(path, "this is not a string", crate::error::REEXPORT));
+        };
+        if MODELLED.contains(&name) {
+            continue;
+        }
+        let remedy = match name {
+            "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+                "export the file again without mesh compression"
+            }
+            "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" | "MSFT_texture_dds" => {
+                "export the file again with PNG or JPEG textures"
+            }
+            "EXT_mesh_gpu_instancing" => "export the file again with one node per copy",
+            _ => "export the file again without it, or with it as optional",
+        };
+        return Err(unsupported(
+            path,
+            format!("the file requires the extension {name}, which is not supported"),
+            remedy,
+        ));
+    }
+    Ok(())
+}
+
+/// Names the extensions on `element` that have no effect here. `known` are those its reader takes care of.
+pub(crate) fn note_unknown(element: &Element<'_>, known: &[&str], notes: &mut Notes) -> Result<()> {
+    for name in element.extension_names()? {
+        if known.contains(&name) || SILENT.contains(&name) {
+            continue;
+        }
+        let effect = match name {
+            "KHR_lights_punctual" => "the light is left out",
+            "EXT_mesh_gpu_instancing" => "one copy is drawn instead of many",
+            "KHR_materials_unlit" => "the surface is lit",
+            "KHR_materials_variants" => "the default material is used",
+            "KHR_materials_pbrSpecularGlossiness" => "the metallic-roughness values are used",
+            "KHR_materials_sheen" => "no sheen is added",
+            "KHR_materials_clearcoat" => "no coat is added",
+            "KHR_materials_iridescence" => "no iridescence is added",
+            "KHR_materials_anisotropy" => "the highlights are isotropic",
+            "KHR_materials_dispersion" => "all wavelengths refract alike",
+            "KHR_materials_diffuse_transmission" => "no light passes diffusely",
+            "EXT_lights_image_based" => "the environment map is left out",
+            _ => "ignored",
+        };
+        let label = if element.path.is_empty() { "the file as a whole".into() } else { element.label() };
+        notes.unmodelled(name, &label, effect);
+    }
+    Ok(())
+}

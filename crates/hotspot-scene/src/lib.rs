@@ -1,0 +1,87 @@
+//! Loads glTF and OBJ files into a renderer-neutral [`Scene`].
+//!
+//! Files are not trusted: [`load`] never panics, reads regular files inside the scene's own folder only, and estimates
+//! memory before it allocates. What the scene does not carry is named in [`Scene::unmodelled`], what was mended in
+//! [`Scene::repairs`].
+//!
+//! Limits of today: triangles only (no points, lines, curves); no skins, morph targets, animations, vertex colours,
+//! normal maps or punctual lights; PNG and JPEG images; no mesh compression; polygons of OBJ are split as fans, which is
+//! right for convex ones.
+//!
+//! ```no_run
+//! let scene = hotspot_scene::load("scene.gltf".as_ref(), &hotspot_scene::LoadOptions::default())?;
+//! println!("{} objects", scene.objects.len());
+//! # Ok::<(), hotspot_scene::LoadError>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod budget;
+mod error;
+mod files;
+mod geometry;
+mod gltf;
+mod images;
+mod notes;
+mod obj;
+mod options;
+mod scene;
+mod uri;
+
+use std::path::Path;
+
+use budget::Budget;
+use files::Folder;
+
+pub use error::{LoadError, Place};
+pub use options::LoadOptions;
+pub use scene::*;
+
+/// Loads a scene from a `.gltf`, `.glb` or `.obj` file, recognised by content and extension.
+///
+/// # Errors
+/// [`LoadError`] names the file, the element in it, and what to do.
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, LoadError> {
+    load_file(path, options).map_err(|error| error.in_file(path))
+}
+
+/// Loads a scene from a GLB file in memory. It cannot refer to files. `name` stands for the file in messages, and its stem
+/// names the scene.
+///
+/// # Errors
+/// [`LoadError`] names the element and what to do.
+pub fn load_glb_bytes(name: &str, bytes: &[u8], options: &LoadOptions) -> Result<Scene, LoadError> {
+    let path = Path::new(name);
+    let budget = Budget::new(options.max_memory_bytes);
+    let mut scene = gltf::load(bytes, true, None, options, &budget).map_err(|error| error.in_file(path))?;
+    scene.name = stem(path);
+    Ok(scene)
+}
+
+fn load_file(path: &Path, options: &LoadOptions) -> Result<Scene, LoadError> {
+    let budget = Budget::new(options.max_memory_bytes);
+    let bytes = files::read(path, options.max_file_bytes, &budget, "")?;
+    let folder = Folder::of(path)?;
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let first = bytes.iter().find(|byte| !byte.is_ascii_whitespace());
+    let mut scene = match extension.as_str() {
+        _ if gltf::glb::is_glb(&bytes) => gltf::load(&bytes, true, Some(&folder), options, &budget)?,
+        "glb" => gltf::load(&bytes, true, Some(&folder), options, &budget)?,
+        "gltf" => gltf::load(&bytes, false, Some(&folder), options, &budget)?,
+        "obj" => obj::load(&bytes, &stem(path), &folder, options, &budget)?,
+        _ if first == Some(&b'{') => gltf::load(&bytes, false, Some(&folder), options, &budget)?,
+        _ => {
+            return Err(error::unsupported(
+                "",
+                "this is neither glTF nor OBJ",
+                "give a .gltf, .glb or .obj file",
+            ));
+        }
+    };
+    scene.name = stem(path);
+    Ok(scene)
+}
+
+/// The file's name without folder and extension.
+fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned())
+}

@@ -1,0 +1,162 @@
+//! Small files written on the spot.
+
+use std::path::Path;
+
+use hotspot_scene::{LoadError, LoadOptions, Scene, load, load_glb_bytes};
+use serde_json::{Value, json};
+
+/// A GLB container around JSON and a binary chunk.
+pub(crate) fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
+    let mut text = json.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let mut bin = bin.to_vec();
+    bin.resize(bin.len().next_multiple_of(4), 0);
+    let mut out = b"glTF".to_vec();
+    out.extend(2u32.to_le_bytes());
+    out.extend((12 + 8 + text.len() as u32 + 8 + bin.len() as u32).to_le_bytes());
+    for (kind, payload) in [(b"JSON", &text), (b"BIN\0", &bin)] {
+        out.extend((payload.len() as u32).to_le_bytes());
+        out.extend(kind);
+        out.extend(payload);
+    }
+    out
+}
+
+pub(crate) fn floats(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// Corners of the unit square, as two triangles would use them.
+pub(crate) const SQUARE: [f32; 12] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0];
+
+/// A file with one square: accessors 0 POSITION, 1 NORMAL, 2 TEXCOORD_0, 3 indices (u16); one material, one node. Its
+/// buffer is the GLB's.
+pub(crate) fn square() -> (Value, Vec<u8>) {
+    let mut bin = floats(&SQUARE);
+    bin.extend(floats(&[0.0, 0.0, 1.0].repeat(4)));
+    bin.extend(floats(&[0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]));
+    bin.extend([0u16, 1, 2, 0, 2, 3].iter().flat_map(|i| i.to_le_bytes()));
+    let json = json!({
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"name": "Square", "mesh": 0}],
+        "meshes": [{"name": "Quad", "primitives": [{
+            "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}, "indices": 3, "material": 0}]}],
+        "materials": [{"name": "Paint", "pbrMetallicRoughness": {"metallicFactor": 0.0}}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC3"},
+            {"bufferView": 2, "componentType": 5126, "count": 4, "type": "VEC2"},
+            {"bufferView": 3, "componentType": 5123, "count": 6, "type": "SCALAR"}],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": 48},
+            {"buffer": 0, "byteOffset": 48, "byteLength": 48},
+            {"buffer": 0, "byteOffset": 96, "byteLength": 32},
+            {"buffer": 0, "byteOffset": 128, "byteLength": 12}],
+        "buffers": [{"byteLength": 140}]
+    });
+    (json, bin)
+}
+
+/// As [`square`], with an image of 2×2 texels (the first of alpha 64) as the material's base colour texture.
+pub(crate) fn textured_square() -> (Value, Vec<u8>) {
+    let (mut json, mut bin) = square();
+    let picture = png(&[[255, 0, 0, 64], [0, 255, 0, 255], [0, 0, 255, 255], [9, 9, 9, 255]]);
+    let start = bin.len();
+    bin.extend(&picture);
+    push(&mut json["bufferViews"], json!({"buffer": 0, "byteOffset": start, "byteLength": picture.len()}));
+    json["buffers"][0]["byteLength"] = bin.len().into();
+    json["images"] = json!([{"bufferView": 4, "mimeType": "image/png"}]);
+    json["textures"] = json!([{"source": 0}]);
+    json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({"index": 0});
+    (json, bin)
+}
+
+/// Appends to a JSON array.
+pub(crate) fn push(array: &mut Value, value: Value) {
+    array.as_array_mut().unwrap().push(value);
+}
+
+/// A PNG of 2×2 texels.
+pub(crate) fn png(texels: &[[u8; 4]; 4]) -> Vec<u8> {
+    let image = image::RgbaImage::from_raw(2, 2, texels.concat()).unwrap();
+    let mut out = Vec::new();
+    image.write_to(&mut std::io::Cursor::new(&mut out), image::ImageFormat::Png).unwrap();
+    out
+}
+
+pub(crate) fn load_pair(json: &Value, bin: &[u8]) -> Result<Scene, LoadError> {
+    load_glb_bytes("test.glb", &glb(json, bin), &LoadOptions::default())
+}
+
+/// Loads [`square`] after a change.
+pub(crate) fn load_changed(change: impl FnOnce(&mut Value, &mut Vec<u8>)) -> Result<Scene, LoadError> {
+    let (mut json, mut bin) = square();
+    change(&mut json, &mut bin);
+    load_pair(&json, &bin)
+}
+
+/// Writes files into a fresh folder and loads the first.
+pub(crate) fn load_files(files: &[(&str, &[u8])]) -> Result<Scene, LoadError> {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in files {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+    load(&folder.path().join(files[0].0), &LoadOptions::default())
+}
+
+/// Asserts that every index of a scene leads somewhere and that the numbers are what the types promise.
+pub(crate) fn check(scene: &Scene) {
+    for instance in &scene.instances {
+        assert!((instance.object as usize) < scene.objects.len());
+        assert!((instance.mesh as usize) < scene.meshes.len());
+        assert!((instance.material as usize) < scene.materials.len());
+        assert!(instance.to_world.iter().flatten().all(|c| c.is_finite()));
+    }
+    for mesh in &scene.meshes {
+        assert!(!mesh.triangles.is_empty());
+        assert!(mesh.triangles.iter().flatten().all(|i| (*i as usize) < mesh.positions.len()));
+        assert!(mesh.positions.iter().flatten().all(|c| c.is_finite()));
+        for normal in mesh.normals.iter().flatten() {
+            let length = normal.iter().map(|c| f64::from(*c).powi(2)).sum::<f64>();
+            assert!((length - 1.0).abs() < 1e-5, "{normal:?}");
+        }
+        assert!(mesh.normals.as_ref().is_none_or(|n| n.len() == mesh.positions.len()));
+        assert!(mesh.uvs.as_ref().is_none_or(|uv| uv.len() == mesh.positions.len()));
+        assert!(mesh.uvs.iter().flatten().flatten().all(|c| c.is_finite()));
+    }
+    for texture in &scene.textures {
+        assert_eq!(texture.rgba.len(), 4 * texture.width as usize * texture.height as usize);
+    }
+    let mut names: Vec<_> = scene.objects.iter().map(|o| &o.name).collect();
+    names.sort();
+    names.dedup();
+    assert_eq!(names.len(), scene.objects.len());
+}
+
+/// The count of the repair that says `what`, 0 where there is none.
+pub(crate) fn repaired(scene: &Scene, what: &str) -> u64 {
+    scene.repairs.iter().filter(|r| r.what.contains(what)).map(|r| r.count).sum()
+}
+
+/// Asserts that loading failed with a message that names `file` and holds all `parts`.
+#[track_caller]
+pub(crate) fn assert_refused(result: Result<Scene, LoadError>, case: &str, file: &str, parts: &[&str]) {
+    let message = match result {
+        Ok(_) => panic!("{case}: loaded"),
+        Err(error) => error.to_string(),
+    };
+    assert!(message.contains(file), "{case}: no file in: {message}");
+    assert!(message.contains("; "), "{case}: no advice in: {message}");
+    for part in parts {
+        assert!(message.contains(part), "{case}: no {part:?} in: {message}");
+    }
+}
+
+/// The path of a file in a folder as text.
+pub(crate) fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
