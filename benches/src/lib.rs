@@ -1,0 +1,99 @@
+//! What the benchmarks share: scenes, and the choices of metrics whose overhead is compared.
+#![forbid(unsafe_code)]
+
+use hotspot_integrator::{
+    BuildOptions, Control, Gather, RenderScene, Rendered, Settings, frame_bounds, render,
+};
+use hotspot_scene::Camera;
+use std::path::{Path, PathBuf};
+
+/// A prepared scene with its camera.
+pub struct Subject {
+    /// Name of the scene.
+    pub name: String,
+    /// The scene.
+    pub scene: RenderScene,
+    /// Its first camera, or one that frames it.
+    pub camera: Camera,
+}
+
+/// The folder of this repository's scenes.
+pub fn scenes() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes")
+}
+
+/// Loads and prepares a scene file.
+///
+/// # Panics
+/// When it cannot be loaded: a benchmark without its scene has no result.
+pub fn subject(path: &Path) -> Subject {
+    let scene = match hotspot_scene::load(path, &Default::default()) {
+        Ok(scene) => scene,
+        Err(e) => panic!("{e}"),
+    };
+    let prepared = match RenderScene::prepare(&scene, BuildOptions::default()) {
+        Ok(prepared) => prepared,
+        Err(e) => panic!("{}: {e}", path.display()),
+    };
+    let (min, max) = prepared.bounds();
+    let camera = scene.cameras.first().cloned().unwrap_or_else(|| frame_bounds(min, max));
+    Subject { name: scene.name, scene: prepared, camera }
+}
+
+/// A choice of what to gather.
+#[derive(Clone, Copy, Debug)]
+pub struct Variant {
+    /// Name, after the `--metrics` that gives it.
+    pub name: &'static str,
+    /// What is gathered.
+    pub gather: Gather,
+    /// Two halves per pixel.
+    pub intervals: bool,
+    /// Count on so many samples only.
+    pub cost_spp: Option<u32>,
+}
+
+const fn variant(name: &'static str, gather: Gather) -> Variant {
+    Variant { name, gather, intervals: false, cost_spp: None }
+}
+
+/// Counting without the clock: the kernel behind `rays`, `intersection`, `shading` and `cause`, which differ only in what
+/// they show.
+const COUNTERS: Gather = Gather { time: false, ..Gather::ALL };
+const CLOCK: Gather = Gather { cost: false, ..Gather::ALL };
+
+/// The metric groups, from none to everything. The first is the baseline.
+pub const VARIANTS: [Variant; 9] = [
+    variant("none", Gather::RADIANCE),
+    variant("time", CLOCK),
+    variant("rays", COUNTERS),
+    variant("intersection", COUNTERS),
+    variant("shading", COUNTERS),
+    variant("cause", COUNTERS),
+    variant("all", Gather::ALL),
+    Variant { name: "all, intervals", gather: Gather::ALL, intervals: true, cost_spp: None },
+    Variant { name: "all, cost-spp 8", gather: Gather::ALL, intervals: false, cost_spp: Some(8) },
+];
+
+/// Cost without the picture: the paper's shortcut (section 4) casts no shadow rays where ray counts are all that is asked
+/// for; beside it the same counts with shadow rays traced.
+pub const COST_ALONE: [Variant; 2] = [
+    variant(
+        "rays, no radiance, shadow rays untraced",
+        Gather { radiance: false, cost: true, time: false, trace_shadow_rays: false },
+    ),
+    variant(
+        "intersection, no radiance",
+        Gather { radiance: false, cost: true, time: false, trace_shadow_rays: true },
+    ),
+];
+
+/// Renders with a variant in the current rayon pool, depth 15.
+pub fn run(subject: &Subject, size: u32, spp: u32, variant: &Variant) -> Rendered {
+    let mut settings = Settings::new(size, size);
+    settings.spp = spp;
+    settings.gather = variant.gather;
+    settings.intervals = variant.intervals;
+    settings.cost_spp = variant.cost_spp;
+    render(&subject.scene, &subject.camera, &settings, Control::default())
+}
