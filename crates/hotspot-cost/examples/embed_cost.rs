@@ -11,8 +11,12 @@ use hotspot_probe::{NONE, RayKind, Spawner};
 type Vec3 = [f64; 3];
 
 /// (centre, radius); the object id is the index.
-const SPHERES: [(Vec3, f64); 4] =
-    [([0.0, -100.5, -3.0], 100.0), ([-0.9, 0.0, -3.0], 0.5), ([0.1, 0.0, -2.6], 0.5), ([1.0, 0.1, -3.2], 0.6)];
+const SPHERES: [(Vec3, f64); 4] = [
+    ([0.0, -100.5, -3.0], 100.0),
+    ([-0.9, 0.0, -3.0], 0.5),
+    ([0.1, 0.0, -2.6], 0.5),
+    ([1.0, 0.1, -3.2], 0.6),
+];
 const NAMES: [&str; 4] = ["Ground", "Left ball", "Middle ball", "Right ball"];
 
 fn add(a: Vec3, b: Vec3, scale: f64) -> Vec3 {
@@ -110,7 +114,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let file = folder.join("embed_cost.exr");
         let header = hotspot_cost::exr_io::Header { json: document.to_json(), ..Default::default() };
         hotspot_cost::exr_io::write(&file, &layers, &header)?;
-        println!("wrote {}: hotspot-render report {} makes the maps and the page", file.display(), file.display());
+        println!(
+            "wrote {}: hotspot-render report {} makes the maps and the page",
+            file.display(),
+            file.display()
+        );
     }
     Ok(())
 }

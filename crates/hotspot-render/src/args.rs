@@ -19,7 +19,13 @@ Examples:
 
 /// A path tracer that shows what every pixel of a scene costs, and why.
 #[derive(Debug, Parser)]
-#[command(name = "hotspot-render", version, after_help = EXAMPLES, arg_required_else_help = true)]
+#[command(
+    name = "hotspot-render",
+    version,
+    override_usage = "hotspot-render [render] SCENE [OPTIONS]\n       hotspot-render --demo\n       hotspot-render <COMMAND> …",
+    after_help = EXAMPLES,
+    arg_required_else_help = true
+)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -85,12 +91,12 @@ pub(crate) struct RenderArgs {
     /// Folder for the outputs
     #[arg(short, long, value_name = "DIR", default_value = "hotspot-out")]
     pub(crate) output: PathBuf,
-    /// Size in pixels [default: 960 on the long edge, at the camera's aspect]
+    /// Size in pixels [default: 960 on the long edge, at the camera's aspect; 640 for --demo]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub(crate) size: Option<(u32, u32)>,
-    /// Camera samples per pixel
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) spp: u32,
+    /// Camera samples per pixel [default: 64; 32 for --demo]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp: Option<u32>,
     /// Count the cost on the first K samples of each pixel only; the rest run uninstrumented
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) cost_spp: Option<u32>,
@@ -296,6 +302,11 @@ impl RenderArgs {
             let hint = near.map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
             Fail::usage(format!("--metrics: {unknown}{hint}"))
         })
+    }
+
+    /// Camera samples per pixel.
+    pub(crate) fn samples(&self) -> u32 {
+        self.spp.unwrap_or(if self.demo { 32 } else { 64 })
     }
 
     pub(crate) const fn cost_model(&self) -> CostModel {

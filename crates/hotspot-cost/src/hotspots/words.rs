@@ -30,9 +30,20 @@ pub(super) fn cause(factors: &Factors) -> String {
     }
 }
 
-/// One sentence for people: `41 % of the cost lies in 9 % of the pixels: "Wardrobe mirror"`. Takes hotspots by rank until
-/// they hold half of what all of them exceed the mean by, and at most three objects.
+/// A hotspot whose pixels cost this many times the mean is worth a sentence before larger ones that barely stand out.
+const DENSE: f64 = 1.4;
+
+/// Dense hotspots are preferred only where they hold at least this share of the cost.
+const WORTHWHILE: f64 = 0.05;
+
+/// One sentence for people: `41 % of the cost lies in 9 % of the pixels: "Wardrobe mirror"`. Where hotspots that cost well
+/// above the mean hold a fair share of the cost, the sentence is about them; else about all. Takes them by rank until they
+/// hold half of what they exceed the mean by, and at most three objects.
 pub fn verdict(hotspots: &[Hotspot]) -> String {
+    let dense: Vec<&Hotspot> =
+        hotspots.iter().filter(|hotspot| hotspot.cost_share >= DENSE * hotspot.pixel_share).collect();
+    let worthwhile = dense.iter().map(|hotspot| hotspot.cost_share).sum::<f64>() >= WORTHWHILE;
+    let hotspots = if worthwhile { dense } else { hotspots.iter().collect() };
     let all: f64 = hotspots.iter().map(|hotspot| hotspot.excess).sum();
     let (mut excess, mut cost, mut pixels) = (0.0, 0.0, 0.0);
     let mut names: Vec<String> = Vec::new();

@@ -2,7 +2,7 @@
 
 use super::report::document;
 use crate::args::CompareArgs;
-use crate::fail::{Fail, GATE};
+use crate::fail::{FAILED, Fail, GATE};
 use crate::output::{Writer, stem};
 use hotspot_cost::compare::{Comparison, Gate, GateOutcome};
 use hotspot_cost::exr_io::{self, Limits};
@@ -40,12 +40,18 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Fail> {
         print_totals(&comparison);
         println!("→ open {}", page.page.display());
     }
-    let tripped: Vec<&str> =
-        results.iter().filter(|r| r.outcome != GateOutcome::Passed).map(|r| r.reason.as_str()).collect();
-    if tripped.is_empty() {
-        return Ok(());
+    let reasons = |outcome: GateOutcome| -> Vec<&str> {
+        results.iter().filter(|r| r.outcome == outcome).map(|r| r.reason.as_str()).collect()
+    };
+    let (tripped, undecided) = (reasons(GateOutcome::Tripped), reasons(GateOutcome::Undecided));
+    if !tripped.is_empty() {
+        return Err(Fail::new(GATE, format!("gate tripped: {}", tripped.join("; "))));
     }
-    Err(Fail::new(GATE, format!("gate: {}", tripped.join("; "))))
+    // A gate that cannot decide must not pass silently, nor claim that the cost grew.
+    if !undecided.is_empty() {
+        return Err(Fail::new(FAILED, format!("gate undecided: {}", undecided.join("; "))));
+    }
+    Ok(())
 }
 
 /// Stems, told apart when they are the same.

@@ -44,7 +44,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
         .map_err(|e| Fail::new(FAILED, format!("cannot start the worker threads: {e}; try --threads 1")))?;
     let prepared = RenderScene::prepare(&scene, build_options(args))?;
     let (camera, camera_note) = choose_camera(args, &scene, &prepared)?;
-    let (width, height) = args.size.unwrap_or_else(|| default_size(&camera));
+    let (width, height) =
+        args.size.unwrap_or_else(|| default_size(&camera, if args.demo { 640.0 } else { 960.0 }));
     check_memory(width, height, args)?;
     let settings = settings(args, width, height, metrics)?;
     let mut repairs: Vec<Repair> = scene.repairs.iter().chain(prepared.repairs()).cloned().collect();
@@ -188,15 +189,15 @@ fn choose_camera(
     Ok((frame_bounds(min, max), Some(note)))
 }
 
-/// 960 pixels on the long edge at the camera's aspect (3:2 where it has none).
-fn default_size(camera: &Camera) -> (u32, u32) {
+/// `long` pixels on the long edge at the camera's aspect (3:2 where it has none).
+fn default_size(camera: &Camera, long: f64) -> (u32, u32) {
     let aspect = match camera.projection {
         Projection::Perspective { aspect, .. } => aspect.unwrap_or(1.5),
         Projection::Orthographic { xmag, ymag } => xmag / ymag,
     };
     let aspect = if aspect.is_finite() { aspect.clamp(0.01, 100.0) } else { 1.5 };
-    let short = |ratio: f64| ((960.0 / ratio).round() as u32).max(1);
-    if aspect >= 1.0 { (960, short(aspect)) } else { (short(1.0 / aspect), 960) }
+    let short = |ratio: f64| ((long / ratio).round() as u32).max(1);
+    if aspect >= 1.0 { (long as u32, short(aspect)) } else { (short(1.0 / aspect), long as u32) }
 }
 
 /// Refuses frames that would not fit, before anything is allocated.
@@ -223,13 +224,13 @@ fn settings(
     metrics: hotspot_cost::MetricSet,
 ) -> Result<Settings, Fail> {
     use hotspot_cost::Metric;
-    if args.intervals && args.spp < 2 {
+    if args.intervals && args.samples() < 2 {
         return Err(Fail::usage("--intervals needs at least two samples per pixel; raise --spp"));
     }
     let time = metrics.contains(Metric::TimeUs);
     let counts = metrics.iter().any(|m| m != Metric::TimeUs) || metrics.ledgers();
     let mut settings = Settings::new(width, height);
-    settings.spp = args.spp;
+    settings.spp = args.samples();
     settings.cost_spp = args.cost_spp;
     settings.max_depth = args.max_depth;
     settings.seed = args.seed;
@@ -328,7 +329,7 @@ fn note_non_finite(talker: &Talker, rendered: &Rendered, args: &RenderArgs, docu
         desc.width,
         desc.height,
         args.seed,
-        args.spp
+        args.samples()
     ));
     document.repairs.push(Note {
         what: "samples with a radiance that is not finite, counted as black".into(),
@@ -434,13 +435,14 @@ fn finish(
         Stop::TimeLimit => {
             talker.say(&format!(
                 "stopped by --time-limit after {} of {} samples per pixel",
-                rendered.samples, args.spp
+                rendered.samples,
+                args.samples()
             ));
             Ok(())
         }
         Stop::Cancelled => Err(Fail::new(
             INTERRUPTED,
-            format!("interrupted: saved {} of {} samples per pixel", rendered.samples, args.spp),
+            format!("interrupted: saved {} of {} samples per pixel", rendered.samples, args.samples()),
         )),
     }
 }
@@ -456,9 +458,9 @@ mod tests {
             to_world: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
             projection: Projection::Perspective { yfov: 1.0, aspect },
         };
-        assert_eq!(default_size(&camera(Some(16.0 / 9.0))), (960, 540));
-        assert_eq!(default_size(&camera(Some(0.5))), (480, 960));
-        assert_eq!(default_size(&camera(None)), (960, 640));
+        assert_eq!(default_size(&camera(Some(16.0 / 9.0)), 960.0), (960, 540));
+        assert_eq!(default_size(&camera(Some(0.5)), 960.0), (480, 960));
+        assert_eq!(default_size(&camera(None), 960.0), (960, 640));
     }
 
     #[test]
