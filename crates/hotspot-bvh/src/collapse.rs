@@ -104,12 +104,12 @@ fn plan(tree: &BinaryTree, after_children: &[usize], bounds: &[Bounds], sizes: &
         if node.count == 0 {
             let (l, r) = (&plans[node.first as usize], &plans[node.first as usize + 1]);
             let mut forest = [f64::INFINITY; WIDTH + 1];
-            for count in 2..=WIDTH {
+            for (count, cheapest) in forest.iter_mut().enumerate().skip(2) {
                 for left in 1..count {
                     if left < WIDTH && count - left < WIDTH {
                         let cost = l.cost[left - 1] + r.cost[count - left - 1];
-                        if cost < forest[count] {
-                            forest[count] = cost;
+                        if cost < *cheapest {
+                            *cheapest = cost;
                             plan.left[count] = left as u8;
                         }
                     }
@@ -125,8 +125,9 @@ fn plan(tree: &BinaryTree, after_children: &[usize], bounds: &[Bounds], sizes: &
             let as_node = area * NODE_COST + forest[WIDTH];
             plan.block = as_block <= as_node;
             plan.cost[0] = as_block.min(as_node);
-            for count in 2..WIDTH {
-                plan.cost[count - 1] = plan.cost[0].min(forest[count]);
+            let single = plan.cost[0];
+            for (cost, &forest) in plan.cost[1..].iter_mut().zip(&forest[2..]) {
+                *cost = single.min(forest);
             }
         }
         plans[n] = plan;

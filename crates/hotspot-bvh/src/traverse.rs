@@ -275,7 +275,8 @@ pub mod oracle {
     pub fn closest(bvh: &Bvh, ray: &Ray) -> (Option<(u32, f32)>, Counts) {
         let mut state = Search { bvh, frame: RayFrame::new(ray), best: None, counts: Counts::default() };
         if bvh.root != Child::EMPTY && ray.is_finite() {
-            state.nearest(bvh.root, ray.t_min);
+            // The root has no box: it is visited even if the interval is empty.
+            state.nearest(bvh.root, f32::NEG_INFINITY);
         }
         (state.best.map(|(t, p)| (p, t)), state.counts)
     }

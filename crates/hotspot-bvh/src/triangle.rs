@@ -2,9 +2,9 @@
 //!
 //! A ray hits a triangle if and only if
 //! 1. the edge functions of Woop, Benthin and Wald, *Watertight Ray/Triangle Intersection* (JCGT 2013) say so: vertices
-//!    relative to the origin, sheared so that the ray runs along +z, three 2-D cross products of one sign; where one of
-//!    them is 0 in f32 the three are evaluated in f64. Edges and vertices belong to every triangle that shares them, so
-//!    closed meshes do not leak; and
+//!    relative to the origin, sheared so that the ray runs along z, three 2-D cross products of one sign or zero, in f64.
+//!    The value of an edge depends on its two vertices alone, so neighbours agree on its sign, edges and vertices belong
+//!    to every triangle that shares them, and closed meshes do not leak; and
 //! 2. the ray passes the slab test of the triangle's own bounding box.
 //!
 //! Its t is the distance to the triangle's plane, evaluated in f64 (Woop's own t is noisy on slivers) and clamped to the
@@ -13,15 +13,21 @@
 //! plain loop over all triangles finds: traversal and loop agree exactly, triangle and t, whatever the tree. Where two
 //! triangles have the same t the lower index wins, so the order of visits does not matter either.
 //!
+//! Rule 1 must be as sharp as rule 2. Edge functions in f32 err by the rounding errors of the farthest vertex; near a
+//! long edge they choose a triangle whose box the ray misses by more than the slab test forgives, and the ray leaks. So
+//! f32 only sorts out what surely misses ([`Block::candidates`]); [`confirm`] decides.
+//!
 //! No fused multiply-add anywhere: the sign argument of the edge functions (fl(ab) > fl(cd) implies ab > cd) needs both
 //! products rounded alike.
 
 use crate::ray::Ray;
 use crate::simd::{F8, Simd};
 
-/// The far side of a slab test is scaled by this: 2 ulp close all holes, 1 does not (Ize, *Robust BVH Ray Traversal*,
-/// JCGT 2013).
-pub(crate) const FAR_PAD: f32 = 1.0 + 2.0 * f32::EPSILON;
+/// The far side of a slab test is scaled by this (Ize, *Robust BVH Ray Traversal*, JCGT 2013). A slab distance is three
+/// roundings (difference, reciprocal, product) of relative error u = 2^−24 away from the true one, so for a point in the
+/// box the near distance is at most t (1 + u)³ and the far one at least t (1 − u)³; the scaling rounds once more. 1 + 7u
+/// would do; f32 has 1 + 8u. (Ize's 2 ulp, 1 + 4u, hold in every test here too, but without a proof.)
+pub(crate) const FAR_PAD: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 /// Triangles per block.
 pub(crate) const LANES: usize = 8;
@@ -103,43 +109,64 @@ impl Block {
         self.vertices.map(|corner| corner.map(|axis| axis.0[lane]))
     }
 
-    /// A corner relative to the origin, sheared so that the ray runs along z.
+    /// A corner relative to the origin, sheared so that the ray runs along z: x, y, and z.
     #[inline(always)]
-    fn sheared<S: Simd>(&self, s: S, frame: &RayFrame, corner: usize) -> (S::Vector, S::Vector) {
+    fn sheared<S: Simd>(&self, s: S, frame: &RayFrame, corner: usize) -> [S::Vector; 3] {
         let [kx, ky, kz] = frame.k;
         let o = frame.ray.origin;
         let corner = &self.vertices[corner];
         let z = s.sub(s.load(&corner[kz]), s.splat(o[kz]));
         let x = s.sub(s.sub(s.load(&corner[kx]), s.splat(o[kx])), s.mul(s.splat(frame.shear[0]), z));
         let y = s.sub(s.sub(s.load(&corner[ky]), s.splat(o[ky])), s.mul(s.splat(frame.shear[1]), z));
-        (x, y)
+        [x, y, z]
     }
 
-    /// Lanes whose edge functions have one sign (or a zero), as bits: a filter that passes all that [`confirm`] accepts.
+    /// Lanes that may be hit, as bits: a filter that passes all that [`confirm`] accepts.
+    ///
+    /// Let S be the largest |x|, |y| of the sheared corners, Z their largest |z|, R = S + Z, u = 2^−24. A corner's x is
+    /// off by at most u(|X| + 3|Z| + |x|) ≤ u(2S + 4Z) =: E, since |shear| ≤ 1 and |X| ≤ |x| + |Z|; an edge function by
+    /// 4SE + 2E² from its corners and by 4uS² from its own roundings; together no more than 16uR(S + 2uR). The factor 20
+    /// covers the terms of higher order, the added constant covers underflow.
     #[inline(always)]
     pub(crate) fn candidates<S: Simd>(&self, s: S, frame: &RayFrame) -> u32 {
-        let (ax, ay) = self.sheared(s, frame, 0);
-        let (bx, by) = self.sheared(s, frame, 1);
-        let (cx, cy) = self.sheared(s, frame, 2);
+        const U: f32 = 0.5 * f32::EPSILON;
+        const UNDERFLOW: f32 = f32::from_bits(1 << 9);
+        let [ax, ay, az] = self.sheared(s, frame, 0);
+        let [bx, by, bz] = self.sheared(s, frame, 1);
+        let [cx, cy, cz] = self.sheared(s, frame, 2);
         let u = s.sub(s.mul(cx, by), s.mul(cy, bx));
         let v = s.sub(s.mul(ax, cy), s.mul(ay, cx));
         let w = s.sub(s.mul(bx, ay), s.mul(by, ax));
         let zero = s.splat(0.0);
-        s.le(zero, s.min(u, s.min(v, w))) | s.le(s.max(u, s.max(v, w)), zero)
+        let high = s.max(s.max(s.max(ax, ay), s.max(bx, by)), s.max(cx, cy));
+        let low = s.min(s.min(s.min(ax, ay), s.min(bx, by)), s.min(cx, cy));
+        let side = s.max(high, s.sub(zero, low));
+        let depth = s.max(s.max(az, s.max(bz, cz)), s.sub(zero, s.min(az, s.min(bz, cz))));
+        let reach = s.add(side, depth);
+        let scale = s.add(s.mul(side, s.splat(20.0 * U)), s.mul(reach, s.splat(40.0 * U * U)));
+        let error = s.add(s.mul(reach, scale), s.splat(UNDERFLOW));
+        // Misses are what is certain: one edge function below −error, another above. Where f32 overflows nothing is. The
+        // last term drops unused lanes.
+        let negative = s.le(s.add(s.min(u, s.min(v, w)), error), zero);
+        let positive = s.le(zero, s.sub(s.max(u, s.max(v, w)), error));
+        !(negative & positive) & s.le(az, az)
     }
 }
 
+/// The edge functions of rule 1: weights of the three vertices, up to a common factor. The shear is multiplied through by
+/// the direction's largest component, so that it needs no division; both products of a coordinate are then exact (unless
+/// the difference to the origin needs more than 29 bits), and it is rounded once.
 #[inline(always)]
-fn sheared(frame: &RayFrame, vertex: &[f32; 3]) -> [f32; 2] {
+fn edges(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> (f64, f64, f64) {
     let [kx, ky, kz] = frame.k;
-    let o = frame.ray.origin;
-    let z = vertex[kz] - o[kz];
-    [(vertex[kx] - o[kx]) - frame.shear[0] * z, (vertex[ky] - o[ky]) - frame.shear[1] * z]
-}
-
-#[inline(always)]
-fn edges_f32(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> (f32, f32, f32) {
-    let [a, b, c] = [0, 1, 2].map(|i| sheared(frame, &triangle[i]));
+    let o = frame.ray.origin.map(f64::from);
+    let d = frame.ray.direction.map(f64::from);
+    let [a, b, c] = triangle.map(|vertex| {
+        let z = f64::from(vertex[kz]) - o[kz];
+        let x = (f64::from(vertex[kx]) - o[kx]) * d[kz] - d[kx] * z;
+        let y = (f64::from(vertex[ky]) - o[ky]) * d[kz] - d[ky] * z;
+        [x, y]
+    });
     (c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0])
 }
 
@@ -148,42 +175,34 @@ fn edges_f32(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> (f32, f32, f32) {
 pub(crate) fn confirm(frame: &RayFrame, triangle: &[[f32; 3]; 3], t_max: f32) -> Option<f32> {
     let o = frame.ray.origin;
     let d = frame.ray.direction;
+    let t_min = frame.ray.t_min;
 
     // Rule 2, and the interval for t. NaN (0 · ∞: the origin lies on a plane that the ray runs along) drops out, since
     // the comparisons keep the other operand.
-    let (mut near, mut far) = (frame.ray.t_min, f32::INFINITY);
+    let (mut enter, mut leave) = (0.0, f32::INFINITY);
     for axis in 0..3 {
         let (a, b, c) = (triangle[0][axis], triangle[1][axis], triangle[2][axis]);
         let bounds = [a.min(b).min(c), a.max(b).max(c)];
         let side = frame.near[axis];
-        let enter = (bounds[side] - o[axis]) * frame.inverse[axis];
-        let leave = (bounds[1 - side] - o[axis]) * frame.inverse[axis];
-        near = if enter > near { enter } else { near };
-        far = if leave < far { leave } else { far };
+        let near = (bounds[side] - o[axis]) * frame.inverse[axis];
+        let far = (bounds[1 - side] - o[axis]) * frame.inverse[axis];
+        enter = if near > enter { near } else { enter };
+        leave = if far < leave { far } else { leave };
     }
-    if !(near <= far * FAR_PAD && near <= t_max) {
+    let near = if enter > t_min { enter } else { t_min };
+    let passes = near <= leave * FAR_PAD && near <= t_max;
+    if !passes {
         return None;
     }
 
-    // Rule 1, in f64 where f32 cannot tell.
-    let (u, v, w) = edges_f32(frame, triangle);
-    if !((u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0)) {
+    // Rule 1.
+    let (u, v, w) = edges(frame, triangle);
+    let inside = (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
+    if !inside || u + v + w == 0.0 {
         return None;
     }
-    if u == 0.0 || v == 0.0 || w == 0.0 {
-        let [a, b, c] = [0, 1, 2].map(|i| sheared(frame, &triangle[i]).map(f64::from));
-        let u = c[0] * b[1] - c[1] * b[0];
-        let v = a[0] * c[1] - a[1] * c[0];
-        let w = b[0] * a[1] - b[1] * a[0];
-        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
-            return None;
-        }
-        if u + v + w == 0.0 {
-            return None;
-        }
-    }
 
-    // t of the plane.
+    // t of the plane, which must lie in front; clamped to the box alone, so that it does not depend on the interval.
     let (n, v0) = plane(triangle);
     let mut height = 0.0;
     let mut rate = 0.0;
@@ -192,12 +211,14 @@ pub(crate) fn confirm(frame: &RayFrame, triangle: &[[f32; 3]; 3], t_max: f32) ->
         rate += n[axis] * f64::from(d[axis]);
     }
     let t = (height / rate) as f32;
-    if !(t > frame.ray.t_min) {
+    let in_front = t > 0.0;
+    if !in_front {
         return None;
     }
-    let t = if t < near { near } else { t };
-    let t = if t > far && far >= near { far } else { t };
-    (t > frame.ray.t_min && t <= t_max).then_some(t)
+    let leave = if leave > enter { leave } else { enter };
+    let t = if t < enter { enter } else { t };
+    let t = if t > leave { leave } else { t };
+    (t > t_min && t <= t_max).then_some(t)
 }
 
 /// Unnormalised normal (edge 1 × edge 2) and first vertex.
@@ -215,23 +236,10 @@ pub(crate) fn details(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> (f32, f32, 
     let (n, _) = plane(triangle);
     let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
     let normal = if length > 0.0 { n.map(|c| (c / length) as f32) } else { [0.0; 3] };
-    let [kx, ky, kz] = frame.k;
-    let o = frame.ray.origin.map(f64::from);
-    let d = frame.ray.direction.map(f64::from);
-    let (sx, sy) = (d[kx] / d[kz], d[ky] / d[kz]);
-    let [a, b, c] = triangle.map(|vertex| {
-        let z = f64::from(vertex[kz]) - o[kz];
-        [f64::from(vertex[kx]) - o[kx] - sx * z, f64::from(vertex[ky]) - o[ky] - sy * z]
-    });
-    let u = c[0] * b[1] - c[1] * b[0];
-    let v = a[0] * c[1] - a[1] * c[0];
-    let w = b[0] * a[1] - b[1] * a[0];
+    let (u, v, w) = edges(frame, triangle);
     let sum = u + v + w;
-    if sum == 0.0 {
-        return (1.0 / 3.0, 1.0 / 3.0, normal);
-    }
-    // u belongs to the first vertex, v to the second, w to the third. An edge hit may be a rounding error outside.
-    let second = (v / sum).clamp(0.0, 1.0);
-    let third = (w / sum).clamp(0.0, 1.0 - second);
+    // u belongs to the first vertex, v to the second, w to the third. All have one sign and their sum is not 0.
+    let second = v / sum;
+    let third = (w / sum).min(1.0 - second);
     (second as f32, third as f32, normal)
 }

@@ -32,8 +32,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         },
         ..Material::default_matte("glossy")
     };
-    let silver =
-        Material { bsdf: Bsdf::Mirror { reflectance: Color::constant([0.9; 3]) }, ..Material::default_matte("silver") };
+    let silver = Material {
+        bsdf: Bsdf::Mirror { reflectance: Color::constant([0.9; 3]) },
+        ..Material::default_matte("silver")
+    };
     let scene = Scene {
         name: "embedded".into(),
         meshes: vec![floor, mirror],

@@ -184,6 +184,43 @@ impl Geometry {
     }
 }
 
+/// A triangle prepared for [`SurfacePoint`]s: worth keeping for lights, which are sampled again and again.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SurfaceTriangle {
+    corner: [f64; 3],
+    edges: [[f64; 3]; 2],
+    /// The share of the corners in [`SurfacePoint::error`].
+    error: [f32; 3],
+}
+
+impl SurfaceTriangle {
+    #[inline(always)]
+    pub(crate) fn new(triangle: &[[f32; 3]; 3]) -> Self {
+        let larger = |a: f32, b: f32| if a > b { a } else { b };
+        let mut this = Self { corner: [0.0; 3], edges: [[0.0; 3]; 2], error: [0.0; 3] };
+        for axis in 0..3 {
+            let [a, b, c] = [triangle[0][axis], triangle[1][axis], triangle[2][axis]];
+            this.corner[axis] = f64::from(a);
+            this.edges[0][axis] = f64::from(b) - f64::from(a);
+            this.edges[1][axis] = f64::from(c) - f64::from(a);
+            this.error[axis] = 2.273_737e-13 * larger(larger(a.abs(), b.abs()), c.abs());
+        }
+        this
+    }
+
+    #[inline(always)]
+    pub(crate) fn point(&self, u: f32, v: f32) -> SurfacePoint {
+        let (u, v) = (f64::from(u), f64::from(v));
+        let mut p = [0.0f32; 3];
+        let mut error = [0.0f32; 3];
+        for axis in 0..3 {
+            p[axis] = (self.corner[axis] + self.edges[0][axis] * u + self.edges[1][axis] * v) as f32;
+            error[axis] = 3.0 * (0.5 * f32::EPSILON) * p[axis].abs() + self.error[axis];
+        }
+        SurfacePoint { p: Vec3::from_array(p), error: Vec3::from_array(error) }
+    }
+}
+
 /// A point of a triangle, with a bound on how far it may lie off the triangle's plane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfacePoint {
@@ -199,16 +236,7 @@ impl SurfacePoint {
     /// Hence the bound 3·2^-24 |p| + 2^-42 max|corner|, per axis.
     #[inline(always)]
     pub(crate) fn new(triangle: &[[f32; 3]; 3], u: f32, v: f32) -> Self {
-        let (u, v) = (f64::from(u), f64::from(v));
-        let mut p = [0.0f32; 3];
-        let mut error = [0.0f32; 3];
-        for axis in 0..3 {
-            let [a, b, c] = [0, 1, 2].map(|corner| f64::from(triangle[corner][axis]));
-            p[axis] = (a + (b - a) * u + (c - a) * v) as f32;
-            let largest = a.abs().max(b.abs()).max(c.abs()) as f32;
-            error[axis] = 3.0 * (0.5 * f32::EPSILON) * p[axis].abs() + 2.273_737e-13 * largest;
-        }
-        Self { p: Vec3::from_array(p), error: Vec3::from_array(error) }
+        SurfaceTriangle::new(triangle).point(u, v)
     }
 
     /// The origin of a ray that leaves on the side of unit normal `normal` (turned to the ray's side): off the plane by

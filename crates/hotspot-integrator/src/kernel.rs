@@ -144,7 +144,7 @@ fn sample<S: Simd, P: Probe, C: Class>(
     kernel: &Kernel<'_>,
     x: u32,
     y: u32,
-    sampler: &Sampler,
+    sampler: &Sampler<'_>,
     probe: &mut P,
 ) -> PathResult {
     let [u, v, _, _] = sampler.get(Dimensions::CAMERA);

@@ -1,6 +1,6 @@
 //! Choosing a light and a point on it, in proportion to power.
 
-use crate::geometry::{Geometry, SurfacePoint};
+use crate::geometry::{Geometry, SurfacePoint, SurfaceTriangle};
 use crate::math::{FRAC_1_PI, Frame, square_to_cosine_hemisphere, square_to_triangle};
 use crate::texture::Texture;
 use glam::{Vec2, Vec3};
@@ -14,6 +14,10 @@ struct LightTriangle {
     cumulative: f32,
     /// Its own probability.
     probability: f32,
+    /// Density per area.
+    pdf_area: f32,
+    triangle: SurfaceTriangle,
+    normal: Vec3,
 }
 
 /// All lights of a scene.
@@ -110,10 +114,15 @@ impl Lights {
             .iter()
             .map(|&(primitive, power)| {
                 let probability = power / surface_power;
+                let corners = &geometry.triangles[primitive as usize];
+                let [v0, v1, v2] = corners.map(Vec3::from_array);
                 let light = LightTriangle {
                     primitive,
                     cumulative: cumulative as f32,
                     probability: probability as f32,
+                    pdf_area: geometry.part(primitive).light_pdf_area,
+                    triangle: SurfaceTriangle::new(corners),
+                    normal: (v1 - v0).cross(v2 - v0).normalize_or_zero(),
                 };
                 cumulative += probability;
                 light
@@ -154,13 +163,7 @@ impl Lights {
     /// A direction towards a light, seen from `p`; `frame` is the shading frame on the side of the path. `None` where
     /// the sample cannot bring light: no lights, seen edge-on, or a point of the light itself.
     #[inline(always)]
-    pub(crate) fn sample(
-        &self,
-        geometry: &Geometry,
-        p: Vec3,
-        frame: &Frame,
-        u: [f32; 2],
-    ) -> Option<LightSample> {
+    pub(crate) fn sample(&self, p: Vec3, frame: &Frame, u: [f32; 2]) -> Option<LightSample> {
         let [mut select, v] = u;
         if let Some(radiance) = self.environment {
             if select < self.environment_probability {
@@ -186,10 +189,8 @@ impl Lights {
         let light = &self.triangles[index];
         let rest = ((select - light.cumulative) / light.probability).clamp(0.0, 1.0 - f32::EPSILON);
         let (b, c) = square_to_triangle(Vec2::new(rest, v));
-        let triangle = &geometry.triangles[light.primitive as usize];
-        let point = SurfacePoint::new(triangle, b, c);
-        let [v0, v1, v2] = triangle.map(Vec3::from_array);
-        let normal = (v1 - v0).cross(v2 - v0).normalize_or_zero();
+        let point = light.triangle.point(b, c);
+        let normal = light.normal;
         let d = point.p - p;
         let distance2 = d.length_squared();
         if distance2 == 0.0 {
@@ -197,7 +198,7 @@ impl Lights {
         }
         let wi = d / distance2.sqrt();
         let cos = -wi.dot(normal);
-        let pdf = geometry.part(light.primitive).light_pdf_area * distance2 / cos.abs();
+        let pdf = light.pdf_area * distance2 / cos.abs();
         if !(pdf > 0.0 && pdf.is_finite()) {
             return None;
         }

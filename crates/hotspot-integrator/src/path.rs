@@ -80,7 +80,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
     settings: &PathSettings,
     origin: Vec3,
     direction: Vec3,
-    sampler: &Sampler,
+    sampler: &Sampler<'_>,
     probe: &mut P,
 ) -> PathResult {
     let mut ray = Ray::new(origin.to_array(), direction.to_array());
@@ -218,7 +218,7 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
     probe: &mut P,
 ) -> Vec3 {
     let lights = &scene.lights;
-    let Some(light) = lights.sample(&scene.geometry, vertex.point.p, vertex.frame, u) else {
+    let Some(light) = lights.sample(vertex.point.p, vertex.frame, u) else {
         return Vec3::ZERO;
     };
     probe.bsdf(1);

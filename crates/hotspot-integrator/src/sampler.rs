@@ -5,8 +5,68 @@
 //! Scrambling*, JCGT 2020; Laine–Karras hash as improved in the `sobol_burley` crate); sets and pixels are randomised
 //! against each other by their seed (padding). A point depends on (pixel, sample index, set, seed) alone, so any range of
 //! samples can be rendered anywhere.
+//!
+//! The points are those of `sobol_burley::sample_4d`, bit for bit (a test compares them); only the work is arranged for a
+//! renderer: the unscrambled points come from two tables, and the hashes of a set are made once per pixel.
 
-use sobol_burley::sample_4d;
+use sobol_burley::parts;
+use std::sync::LazyLock;
+
+/// The first four Sobol dimensions of indices below 2^16, bits reversed as in `sobol_burley`: the exclusive or of one row
+/// by the index's high byte (reversed: the low bits come first) and one by its low byte.
+struct Table([[[u32; 4]; 256]; 2]);
+
+static TABLE: LazyLock<Table> = LazyLock::new(|| {
+    let row = |reversed: u32| [0, 1, 2, 3].map(|dimension| parts::sobol_rev(reversed, dimension));
+    Table([24, 16].map(|shift| core::array::from_fn(|byte| row((byte as u32) << shift))))
+});
+
+/// Sets whose hashes are kept per pixel (seven vertices deep); deeper ones are hashed each time.
+const KEPT: usize = 16;
+
+/// The scrambles of a set: of the index, and of the four dimensions.
+#[derive(Clone, Copy, Debug, Default)]
+struct Scrambles {
+    index: u32,
+    dimensions: [u32; 4],
+}
+
+impl Scrambles {
+    #[inline(always)]
+    fn new(key: u32, set: u32) -> Self {
+        Self::of_seed(seed_of(key, set))
+    }
+
+    /// As `sobol_burley` derives them from its seed.
+    #[inline(always)]
+    fn of_seed(seed: u32) -> Self {
+        let base = seed.wrapping_mul(0x9c8f_2d3b);
+        let mut dimensions = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
+        for d in &mut dimensions {
+            *d = parts::hash(*d ^ base);
+        }
+        Self { index: parts::hash(seed ^ 0x79c6_8e4a), dimensions }
+    }
+}
+
+/// The seed of a set, from a pixel's key.
+#[inline(always)]
+const fn seed_of(key: u32, set: u32) -> u32 {
+    mix(key ^ set.wrapping_mul(0x9e37_79b9))
+}
+
+#[inline(always)]
+fn sobol(table: &Table, index: u32, scrambles: &Scrambles) -> [f32; 4] {
+    let index = parts::owen_scramble_rev(index.reverse_bits(), scrambles.index);
+    let high = &table.0[0][(index >> 24) as usize];
+    let low = &table.0[1][(index >> 16 & 0xff) as usize];
+    let mut points = [0.0; 4];
+    for i in 0..4 {
+        let scrambled = parts::owen_scramble_rev(high[i] ^ low[i], scrambles.dimensions[i]);
+        points[i] = parts::u32_to_f32_norm(scrambled.reverse_bits());
+    }
+    points
+}
 
 /// Which points to use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -49,45 +109,62 @@ impl Dimensions {
 }
 
 /// The points of one pixel's samples.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct PixelSampler {
     kind: SamplerKind,
     key: u32,
+    table: &'static Table,
+    kept: [Scrambles; KEPT],
 }
 
 /// The points of one sample.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Sampler {
-    kind: SamplerKind,
-    key: u32,
+#[derive(Clone, Copy)]
+pub(crate) struct Sampler<'a> {
+    pixel: &'a PixelSampler,
+    block: u32,
     index: u32,
 }
 
 impl PixelSampler {
     /// The points of a pixel. Halves get sequences of their own.
+    #[inline(always)]
     pub(crate) fn new(kind: SamplerKind, x: u32, y: u32, half: u32, seed: u64) -> Self {
         let key = hash(x, hash(y, hash(half, hash(seed as u32, (seed >> 32) as u32 ^ 0x5bd1_e995))));
-        Self { kind, key }
+        let mut kept = [Scrambles::default(); KEPT];
+        for (set, scrambles) in kept.iter_mut().enumerate() {
+            *scrambles = Scrambles::new(key, set as u32);
+        }
+        Self { kind, key, table: &TABLE, kept }
     }
 
     /// The points of sample `index`. A Sobol sequence is exact to 2^16 samples; each further block of 2^16 has a
     /// scramble of its own.
     #[inline(always)]
-    pub(crate) fn sample(&self, index: u64) -> Sampler {
-        let block = (index >> 16) as u32;
-        let key = if block == 0 { self.key } else { hash(block, self.key) };
-        Sampler { kind: self.kind, key, index: index as u32 & 0xffff }
+    pub(crate) fn sample(&self, index: u64) -> Sampler<'_> {
+        Sampler { pixel: self, block: (index >> 16) as u32, index: index as u32 & 0xffff }
     }
 }
 
-impl Sampler {
+impl Sampler<'_> {
     /// Four numbers in [0, 1) of set `set`.
     #[inline(always)]
     pub(crate) fn get(&self, set: u32) -> [f32; 4] {
-        let seed = mix(self.key ^ set.wrapping_mul(0x9e37_79b9));
-        match self.kind {
-            SamplerKind::Sobol => sample_4d(self.index, 0, seed),
-            SamplerKind::Independent => independent(seed, self.index),
+        let pixel = self.pixel;
+        if pixel.kind == SamplerKind::Sobol && self.block == 0 && (set as usize) < KEPT {
+            sobol(pixel.table, self.index, &pixel.kept[set as usize])
+        } else {
+            self.uncommon(set)
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn uncommon(&self, set: u32) -> [f32; 4] {
+        let pixel = self.pixel;
+        let key = if self.block == 0 { pixel.key } else { hash(self.block, pixel.key) };
+        match pixel.kind {
+            SamplerKind::Sobol => sobol(pixel.table, self.index, &Scrambles::new(key, set)),
+            SamplerKind::Independent => independent(seed_of(key, set), self.index),
         }
     }
 }
@@ -126,6 +203,24 @@ pub(crate) const fn hash(word: u32, state: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_points_are_those_of_the_crate() {
+        for seed in [0, 1, 77, 0xdead_beef] {
+            for index in (0..1 << 16).step_by(7) {
+                let ours = sobol(&TABLE, index, &Scrambles::of_seed(seed));
+                assert_eq!(ours, sobol_burley::sample_4d(index, 0, seed), "seed {seed}, index {index}");
+            }
+        }
+        // Kept and uncommon sets, and blocks beyond the first, take the same route.
+        let pixel = PixelSampler::new(SamplerKind::Sobol, 3, 4, 0, 5);
+        for (index, key) in [(9, pixel.key), ((1 << 16) + 9, hash(1, pixel.key))] {
+            for set in [0, 1, KEPT as u32 - 1, KEPT as u32, 40] {
+                let expected = sobol_burley::sample_4d(9, 0, seed_of(key, set));
+                assert_eq!(pixel.sample(index).get(set), expected, "set {set}, index {index}");
+            }
+        }
+    }
 
     /// Elementary intervals: 2^k samples of a Sobol pair put exactly one point into each cell of every 2^a × 2^b grid,
     /// a + b = k, for the pairs that matter (film; BSDF; the light pair is a (t, m, 2)-net with small t).

@@ -1,0 +1,90 @@
+//! The same triangles give the same tree: on every build, in every thread pool, for every instruction set. (That the
+//! instruction sets give the same hits and counts, `Scene::check` tests for every ray of every room.)
+
+use crate::meshes::icosphere;
+use crate::support::{QUALITIES, Rng, Triangle, scaled, soup};
+use hotspot_bvh::simd::Isa;
+use hotspot_bvh::{BuildOptions, Bvh, Quality};
+
+/// FNV-1a over the words of a tree.
+fn hash(triangles: &[Triangle], options: BuildOptions) -> u64 {
+    let bvh = Bvh::build(triangles, options).unwrap();
+    bvh.words().fold(0xcbf2_9ce4_8422_2325, |h, word| (h ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3))
+}
+
+fn scenes() -> [Vec<Triangle>; 4] {
+    let mut rng = Rng::new(50);
+    let mut doubled = soup(&mut rng, 300, 0.2);
+    doubled.extend_from_within(..);
+    // Large enough for a parallel sort to split its work.
+    [soup(&mut rng, 30_000, 0.02), icosphere(4, 0.0, 1.0).triangles(), doubled, vec![[[1.0; 3]; 3]; 700]]
+}
+
+#[test]
+fn trees_do_not_depend_on_threads_or_repetition() {
+    for triangles in scenes() {
+        for quality in QUALITIES {
+            let options = BuildOptions { quality, ..Default::default() };
+            let expected = hash(&triangles, options);
+            for threads in [1, 2, 7] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                for _ in 0..2 {
+                    assert_eq!(pool.install(|| hash(&triangles, options)), expected, "{quality:?} {threads}");
+                }
+            }
+        }
+    }
+}
+
+/// Builds that run at the same time do not disturb each other.
+#[test]
+fn trees_do_not_depend_on_concurrent_builds() {
+    let triangles = &scenes()[2];
+    let expected = hash(triangles, BuildOptions::default());
+    std::thread::scope(|scope| {
+        let builds: Vec<_> =
+            (0..4).map(|_| scope.spawn(|| hash(triangles, BuildOptions::default()))).collect();
+        for build in builds {
+            assert_eq!(build.join().unwrap(), expected);
+        }
+    });
+}
+
+#[test]
+fn trees_do_not_depend_on_the_instruction_set() {
+    for triangles in scenes() {
+        let hash = |isa| hash(&triangles, BuildOptions { quality: Quality::Medium, isa });
+        assert_eq!(hash(Isa::Portable), hash(Isa::Auto));
+    }
+}
+
+/// Scaling a scene by a power of two changes no decision of the builder, also where areas would overflow f32.
+#[test]
+fn topology_does_not_depend_on_the_scale() {
+    let unit = soup(&mut Rng::new(52), 2000, 0.1);
+    for quality in QUALITIES {
+        let blocks = |exponent: i32| {
+            let scaled = scaled(&unit, 2f64.powi(exponent));
+            let bvh = Bvh::build(&scaled, BuildOptions { quality, ..Default::default() }).unwrap();
+            let held = |b| bvh.block_triangles(b).collect::<Vec<_>>();
+            (bvh.node_count(), (0..bvh.block_count() as u32).map(held).collect::<Vec<_>>())
+        };
+        let expected = blocks(0);
+        for exponent in [-20, 20, 60, 100, 125] {
+            assert!(blocks(exponent) == expected, "{quality:?} 2^{exponent}");
+        }
+    }
+}
+
+/// The hash notices a change of one coordinate and of the order.
+#[test]
+fn words_tell_trees_apart() {
+    let triangles = soup(&mut Rng::new(51), 100, 0.2);
+    let expected = hash(&triangles, BuildOptions::default());
+    let mut moved = triangles.clone();
+    moved[17][1][2] += 0.5;
+    assert_ne!(hash(&moved, BuildOptions::default()), expected);
+    let mut swapped = triangles;
+    swapped.swap(3, 80);
+    assert_ne!(hash(&swapped, BuildOptions::default()), expected);
+}
