@@ -5,8 +5,8 @@
 //! [`Scene::repairs`].
 //!
 //! Limits of today: triangles only (no points, lines, curves); no skins, morph targets, animations, vertex colours,
-//! normal maps or punctual lights; PNG and JPEG images; no mesh compression; polygons of OBJ are split as fans, which is
-//! right for convex ones.
+//! normal maps or punctual lights; PNG and JPEG images; no mesh compression; of OBJ's polygons, those that cross themselves
+//! are split as fans.
 //!
 //! ```no_run
 //! let scene = hotspot_scene::load("scene.gltf".as_ref(), &hotspot_scene::LoadOptions::default())?;

@@ -1,71 +1,20 @@
 //! Reading accessors (glTF 2.0, section 3.6.2): typed arrays in byte ranges.
 //!
-//! Every offset, length, stride and count is checked in u64 before a byte is read.
+//! The crate's `ItemIter` decodes. Its `Iter`, which would also find the bytes, computes their ranges without checks
+//! (count 0 and 2⁶² overflow) and skips sparse places that are not sorted: the range is ours, checked before a byte is read.
 
-use super::document::{Document, View, range};
-use super::json::Element;
+use std::array;
+
+use gltf::Accessor;
+use gltf::accessor::util::{Item, ItemIter, SparseIndicesIter};
+use gltf::accessor::{DataType, Dimensions};
+use gltf::buffer::View;
+
+use super::document::Document;
+use crate::LoadError;
 use crate::budget::room_for;
-use crate::error::{Result, limit};
+use crate::error::{REEXPORT, Result, invalid, limit};
 use crate::notes::Notes;
-
-/// How a component is stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Component {
-    I8,
-    U8,
-    I16,
-    U16,
-    U32,
-    F32,
-}
-
-impl Component {
-    fn of(accessor: &Element<'_>) -> Result<Self> {
-        match accessor.integer("componentType")? {
-            Some(5120) => Ok(Self::I8),
-            Some(5121) => Ok(Self::U8),
-            Some(5122) => Ok(Self::I16),
-            Some(5123) => Ok(Self::U16),
-            Some(5125) => Ok(Self::U32),
-            Some(5126) => Ok(Self::F32),
-            Some(other) => Err(accessor.wrong("componentType", format!("{other} is not a component type"))),
-            None => Err(accessor.wrong("componentType", "this is missing")),
-        }
-    }
-
-    fn size(self) -> u64 {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::U32 | Self::F32 => 4,
-        }
-    }
-
-    /// A component as a number; normalised integers map to 0..1 or -1..1. `bytes` has [`Component::size`] bytes.
-    fn number(self, bytes: &[u8], normalized: bool) -> f32 {
-        let two = || bytes.try_into().unwrap_or_default();
-        let four = || bytes.try_into().unwrap_or_default();
-        let byte = || bytes.first().copied().unwrap_or_default();
-        let (value, largest) = match self {
-            Self::I8 => (f32::from(byte() as i8), 127.0),
-            Self::U8 => (f32::from(byte()), 255.0),
-            Self::I16 => (f32::from(i16::from_le_bytes(two())), 32767.0),
-            Self::U16 => (f32::from(u16::from_le_bytes(two())), 65535.0),
-            Self::U32 => (u32::from_le_bytes(four()) as f32, 4_294_967_295.0),
-            Self::F32 => return f32::from_le_bytes(four()),
-        };
-        if normalized { (value / largest).max(-1.0) } else { value }
-    }
-
-    /// A component as an index.
-    fn index(self, bytes: &[u8]) -> u32 {
-        match self {
-            Self::U8 | Self::I8 => u32::from(bytes.first().copied().unwrap_or_default()),
-            Self::U16 | Self::I16 => u32::from(u16::from_le_bytes(bytes.try_into().unwrap_or_default())),
-            Self::U32 | Self::F32 => u32::from_le_bytes(bytes.try_into().unwrap_or_default()),
-        }
-    }
-}
 
 /// What an attribute may be stored as.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -76,205 +25,223 @@ pub(crate) enum Kind {
     Uv,
 }
 
-/// The accessor at `index` as vectors of `N` floats. May hold NaN and infinity, as the file does.
+/// An accessor as vectors of `N` floats. May hold NaN and infinity, as the file does.
 pub(crate) fn vectors<const N: usize>(
     doc: &Document<'_>,
-    index: usize,
+    accessor: &Accessor<'_>,
     kind: Kind,
     notes: &mut Notes,
 ) -> Result<Vec<[f32; N]>> {
-    let accessor = doc.root.item("accessors", index)?;
-    let component = Component::of(&accessor)?;
-    check_type(&accessor, N)?;
-    let normalized = accessor.boolean("normalized")?;
-    let allowed = match component {
-        Component::F32 => !normalized,
-        Component::U32 => false,
-        Component::U8 | Component::U16 if kind == Kind::Uv && normalized => true,
+    let path = path(accessor);
+    let (data, normalized) = (accessor.data_type(), accessor.normalized());
+    check_type(accessor, N)?;
+    let allowed = match data {
+        DataType::F32 => !normalized,
+        DataType::U32 => false,
+        DataType::U8 | DataType::U16 if kind == Kind::Uv && normalized => true,
         _ => doc.quantized,
     };
     if !allowed {
-        return Err(accessor.wrong("componentType", format!("vectors of {N} are not stored as this here")));
+        return Err(wrong(&path, "componentType", format!("vectors of {N} are not stored as this here")));
     }
-    let count = count(doc, &accessor, 4 * N as u64)?;
-    let size = component.size() * N as u64;
-    let mut out: Vec<[f32; N]> = room_for(count, &accessor.path)?;
-    let read = |item: &[u8]| {
-        let mut numbers = [0.0; N];
-        for (number, bytes) in numbers.iter_mut().zip(item.chunks_exact(component.size() as usize)) {
-            *number = component.number(bytes, normalized);
-        }
-        numbers
-    };
-    let sparse = accessor.object("sparse")?;
-    match doc.view(&accessor, "bufferView")? {
+    let count = accessor.count();
+    announce(doc, count, 4 * N as u64, &path)?;
+    let mut out: Vec<[f32; N]> = room_for(count, &path)?;
+    let sparse = accessor.sparse();
+    match accessor.view() {
         Some(view) => {
-            out.extend(Items::of(&accessor, &view, component, size, count as u64, notes)?.map(read));
+            let place = Place {
+                path: &path,
+                offset: accessor.offset(),
+                item: data.size() * N,
+                alignment: data.size(),
+            };
+            place.items(doc, &view, count, notes)?.vectors(data, normalized, &mut out);
         }
         // Zeros, for `sparse` to fill in.
         None if sparse.is_some() => out.resize(count, [0.0; N]),
-        None => return Err(accessor.wrong("bufferView", "this is missing, so the accessor has no data")),
+        None => return Err(wrong(&path, "bufferView", "this is missing, so the accessor has no data")),
     }
     if let Some(sparse) = sparse {
-        let (places, values) = sparse_parts(doc, &sparse, count, component, size, notes)?;
-        for (place, item) in places.into_iter().zip(values) {
+        let number = sparse.count();
+        announce(doc, number, 4 + 4 * N as u64, &format!("{path}.sparse"))?;
+        let (indices, path_of) = (sparse.indices(), format!("{path}.sparse.indices"));
+        let size = indices.index_type().size();
+        let place = Place { path: &path_of, offset: indices.offset(), item: size, alignment: size };
+        let places = place.items(doc, &indices.view(), number, notes)?.indices(count, &path_of)?;
+        let (values, path_of) = (sparse.values(), format!("{path}.sparse.values"));
+        let place =
+            Place { path: &path_of, offset: values.offset(), item: data.size() * N, alignment: data.size() };
+        let mut new = room_for(number, &path_of)?;
+        place.items(doc, &values.view(), number, notes)?.vectors(data, normalized, &mut new);
+        for (place, item) in places.into_iter().zip(new) {
             if let Some(slot) = out.get_mut(place as usize) {
-                *slot = read(item);
+                *slot = item;
             }
         }
     }
     Ok(out)
 }
 
-/// The accessor at `index` as vertex indices, each below `vertices`.
+/// An accessor as vertex indices, each below `vertices`.
 pub(crate) fn indices(
     doc: &Document<'_>,
-    index: usize,
+    accessor: &Accessor<'_>,
     vertices: usize,
     notes: &mut Notes,
 ) -> Result<Vec<u32>> {
-    let accessor = doc.root.item("accessors", index)?;
-    check_type(&accessor, 1)?;
-    if accessor.get("sparse").is_some() {
-        return Err(accessor.wrong("sparse", "sparse indices are not supported"));
+    let path = path(accessor);
+    check_type(accessor, 1)?;
+    if accessor.sparse().is_some() {
+        return Err(wrong(&path, "sparse", "sparse indices are not supported"));
     }
-    let count = count(doc, &accessor, 4)?;
-    let Some(view) = doc.view(&accessor, "bufferView")? else {
-        return Err(accessor.wrong("bufferView", "this is missing, so the accessor has no data"));
+    let data = accessor.data_type();
+    if !matches!(data, DataType::U8 | DataType::U16 | DataType::U32) {
+        return Err(wrong(&path, "componentType", "indices must be unsigned integers (5121, 5123 or 5125)"));
+    }
+    announce(doc, accessor.count(), 4, &path)?;
+    let Some(view) = accessor.view() else {
+        return Err(wrong(&path, "bufferView", "this is missing, so the accessor has no data"));
     };
-    read_indices(&accessor, &view, count, vertices, notes)
+    let place = Place { path: &path, offset: accessor.offset(), item: data.size(), alignment: data.size() };
+    place.items(doc, &view, accessor.count(), notes)?.indices(vertices, &path)
 }
 
-/// Unsigned integers below `bound`.
-fn read_indices(
-    element: &Element<'_>,
-    view: &View<'_>,
-    count: usize,
-    bound: usize,
-    notes: &mut Notes,
-) -> Result<Vec<u32>> {
-    let component = Component::of(element)?;
-    if !matches!(component, Component::U8 | Component::U16 | Component::U32) {
-        return Err(element.wrong("componentType", "indices must be unsigned integers (5121, 5123 or 5125)"));
-    }
-    let mut out = room_for(count, &element.path)?;
-    for item in Items::of(element, view, component, component.size(), count as u64, notes)? {
-        let index = component.index(item);
-        if index as usize >= bound {
-            return Err(element.wrong_here(format!(
-                "index {index} at position {} is out of range, there are {bound} items",
-                out.len()
-            )));
-        }
-        out.push(index);
-    }
-    Ok(out)
+fn path(accessor: &Accessor<'_>) -> String {
+    format!("accessors[{}]", accessor.index())
 }
 
-/// Places and values of a sparse accessor.
-fn sparse_parts<'a, 'b>(
-    doc: &'b Document<'a>,
-    sparse: &Element<'a>,
-    bound: usize,
-    component: Component,
-    size: u64,
-    notes: &mut Notes,
-) -> Result<(Vec<u32>, Items<'b>)> {
-    let number = count(doc, sparse, 4)?;
-    let part = |key: &str| {
-        let part = sparse.object(key)?.ok_or_else(|| sparse.wrong(key, "this is missing"))?;
-        let view =
-            doc.view(&part, "bufferView")?.ok_or_else(|| part.wrong("bufferView", "this is missing"))?;
-        Ok((part, view))
+fn wrong(path: &str, key: &str, problem: impl Into<String>) -> LoadError {
+    invalid(format!("{path}.{key}"), problem, REEXPORT)
+}
+
+fn check_type(accessor: &Accessor<'_>, components: usize) -> Result<()> {
+    let (wanted, name) = match components {
+        1 => (Dimensions::Scalar, "SCALAR"),
+        2 => (Dimensions::Vec2, "VEC2"),
+        _ => (Dimensions::Vec3, "VEC3"),
     };
-    let (element, view) = part("indices")?;
-    let places = read_indices(&element, &view, number, bound, notes)?;
-    let (element, view) = part("values")?;
-    let values = Items::of(&element, &view, component, size, number as u64, notes)?;
-    Ok((places, values))
-}
-
-fn check_type(accessor: &Element<'_>, components: usize) -> Result<()> {
-    let wanted = match components {
-        1 => "SCALAR",
-        2 => "VEC2",
-        3 => "VEC3",
-        _ => "VEC4",
-    };
-    match accessor.string("type")? {
-        Some(found) if found == wanted => Ok(()),
-        Some(found) => Err(accessor.wrong("type", format!("the type is {found}, {wanted} is needed here"))),
-        None => Err(accessor.wrong("type", "this is missing")),
+    match accessor.dimensions() {
+        found if found == wanted => Ok(()),
+        found => Err(wrong(&path(accessor), "type", format!("the type is {found:?}, {name} is needed here"))),
     }
 }
 
-/// How many items, after asking for the memory they need decoded.
-fn count(doc: &Document<'_>, element: &Element<'_>, decoded_size: u64) -> Result<usize> {
-    let count = element.integer("count")?.ok_or_else(|| element.wrong("count", "this is missing"))?;
-    doc.budget.charge(count, decoded_size, &element.path_of("count"))?;
-    match usize::try_from(count) {
-        Ok(number) if count <= u64::from(u32::MAX) => Ok(number),
-        _ => {
-            Err(limit(element.path_of("count"), format!("{count} items are more than 2³²"), "split the mesh"))
-        }
+/// Asks for the memory that `count` items need decoded.
+fn announce(doc: &Document<'_>, count: usize, decoded_size: u64, path: &str) -> Result<()> {
+    let element = format!("{path}.count");
+    doc.budget.charge(count as u64, decoded_size, &element)?;
+    if u32::try_from(count).is_err() {
+        return Err(limit(element, format!("{count} items are more than 2³²"), "split the mesh"));
     }
+    Ok(())
 }
 
-/// The items of a byte range, each of `size` bytes.
-struct Items<'b> {
-    bytes: &'b [u8],
-    size: usize,
-    stride: usize,
-    left: u64,
+/// Where items lie within a view.
+struct Place<'p> {
+    path: &'p str,
+    offset: usize,
+    /// Bytes of an item.
+    item: usize,
+    alignment: usize,
 }
 
-impl<'b> Items<'b> {
+impl Place<'_> {
     /// Checks that `count` items lie within `view`.
-    fn of(
-        element: &Element<'_>,
-        view: &View<'b>,
-        component: Component,
-        size: u64,
-        count: u64,
+    fn items<'b>(
+        &self,
+        doc: &'b Document<'_>,
+        view: &View<'_>,
+        count: usize,
         notes: &mut Notes,
-    ) -> Result<Self> {
-        let offset = element.integer("byteOffset")?.unwrap_or(0);
-        let stride = view.stride.unwrap_or(size);
-        if stride < size {
-            return Err(element.wrong(
+    ) -> Result<Items<'b>> {
+        let Self { path, offset, item, alignment } = *self;
+        let bytes = doc.view(view)?;
+        let stride = view.stride().unwrap_or(item);
+        if stride < item {
+            return Err(wrong(
+                path,
                 "bufferView",
-                format!("the view's stride of {stride} bytes is less than an item's {size} bytes"),
+                format!("the view's stride of {stride} bytes is less than an item's {item} bytes"),
             ));
         }
         let length = match count {
             0 => Some(0),
-            _ => stride.checked_mul(count - 1).and_then(|most| most.checked_add(size)),
+            _ => stride.checked_mul(count - 1).and_then(|most| most.checked_add(item)),
         };
-        let bytes = length
-            .and_then(|length| range(offset, length))
-            .and_then(|range| view.bytes.get(range))
-            .ok_or_else(|| {
-                element.wrong_here(format!(
-                    "{count} items of {size} bytes, {stride} apart, from byte {offset} do not fit into the buffer \
-                     view's {} bytes",
-                    view.bytes.len()
-                ))
-            })?;
-        // We read byte by byte, so it does no harm; others may refuse such a file.
-        let aligned = [offset, view.offset, stride].iter().all(|n| n % component.size() == 0);
-        notes.repair("misaligned data read anyway", &element.path, u64::from(!aligned));
-        // Both are at most 252 or 16 bytes.
-        Ok(Self { bytes, size: size as usize, stride: stride as usize, left: count })
+        let range = length.and_then(|length| Some(offset..offset.checked_add(length)?));
+        let items = range.and_then(|range| bytes.get(range)).ok_or_else(|| {
+            invalid(
+                path,
+                format!(
+                    "{count} items of {item} bytes, {stride} apart, from byte {offset} do not fit into the buffer view's \
+                     {} bytes",
+                    bytes.len()
+                ),
+                REEXPORT,
+            )
+        })?;
+        // The decoder reads byte by byte, so it does no harm; others may refuse such a file.
+        let aligned = [offset, view.offset(), stride].iter().all(|n| n % alignment == 0);
+        notes.repair("misaligned data read anyway", path, u64::from(!aligned));
+        Ok(Items { bytes: items, item, stride, count })
     }
 }
 
-impl<'b> Iterator for Items<'b> {
-    type Item = &'b [u8];
+/// Exactly `count` items of `item` bytes, the starts of which are `stride` bytes apart.
+struct Items<'b> {
+    bytes: &'b [u8],
+    item: usize,
+    stride: usize,
+    count: usize,
+}
 
-    fn next(&mut self) -> Option<&'b [u8]> {
-        self.left = self.left.checked_sub(1)?;
-        let item = self.bytes.get(..self.size)?;
-        self.bytes = self.bytes.get(self.stride..).unwrap_or_default();
-        Some(item)
+impl Items<'_> {
+    /// Appends all items; normalised integers map to 0..1 or -1..1.
+    fn vectors<const N: usize>(&self, data: DataType, normalized: bool, out: &mut Vec<[f32; N]>) {
+        let scale = move |largest: f32| {
+            move |value: f32| if normalized { (value / largest).max(-1.0) } else { value }
+        };
+        let (i8s, u8s, i16s, u16s) = (scale(127.0), scale(255.0), scale(32767.0), scale(65535.0));
+        match data {
+            DataType::I8 => out.extend(self.decode(|n: i8| i8s(f32::from(n)))),
+            DataType::U8 => out.extend(self.decode(|n: u8| u8s(f32::from(n)))),
+            DataType::I16 => out.extend(self.decode(|n: i16| i16s(f32::from(n)))),
+            DataType::U16 => out.extend(self.decode(|n: u16| u16s(f32::from(n)))),
+            // Refused by the caller.
+            DataType::U32 => {}
+            DataType::F32 => out.extend(self.decode(|n: f32| n)),
+        }
+    }
+
+    /// Each component is a column of its own, with the items' stride.
+    fn decode<T: Item, const N: usize>(&self, number: impl Fn(T) -> f32) -> impl Iterator<Item = [f32; N]> {
+        let component = self.item / N;
+        let mut columns: [_; N] = array::from_fn(|column| {
+            ItemIter::<T>::new(self.bytes.get(column * component..).unwrap_or_default(), self.stride)
+        });
+        (0..self.count).map(move |_| array::from_fn(|c| number(columns[c].next().unwrap_or_else(T::zero))))
+    }
+
+    /// Unsigned integers, each below `bound`.
+    fn indices(&self, bound: usize, path: &str) -> Result<Vec<u32>> {
+        let items = match self.item {
+            1 => SparseIndicesIter::U8(ItemIter::new(self.bytes, self.stride)),
+            2 => SparseIndicesIter::U16(ItemIter::new(self.bytes, self.stride)),
+            _ => SparseIndicesIter::U32(ItemIter::new(self.bytes, self.stride)),
+        };
+        let mut out = room_for(self.count, path)?;
+        for index in items {
+            if index as usize >= bound {
+                let position = out.len();
+                return Err(invalid(
+                    path,
+                    format!("index {index} at position {position} is out of range, there are {bound} items"),
+                    REEXPORT,
+                ));
+            }
+            out.push(index);
+        }
+        Ok(out)
     }
 }

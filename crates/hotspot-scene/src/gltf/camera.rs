@@ -1,58 +1,70 @@
 //! Cameras (glTF 2.0, section 3.10).
 
-use super::document::Document;
+use gltf::Node;
+use gltf::json::camera::Type;
+use gltf::json::validation::Checked;
+
+use super::document::{Document, label};
 use super::graph::Affine;
-use super::json::Element;
-use crate::error::Result;
+use crate::error::{REEXPORT, Result, invalid};
 use crate::notes::Notes;
 use crate::scene::{Camera, Projection};
 
 /// The camera of a node, or `None` where the node's transform leaves nothing to look through (noted).
 pub(crate) fn read(
     doc: &Document<'_>,
-    node: &Element<'_>,
+    node: &Node<'_>,
     to_world: &Affine,
     notes: &mut Notes,
 ) -> Result<Option<Camera>> {
-    let Some((index, camera)) = doc.follow(node, "camera", "cameras")? else { return Ok(None) };
-    super::extensions::note_unknown(&camera, &[], notes)?;
-    let projection = projection(&camera)?;
-    let name = match (node.string("name")?, camera.string("name")?) {
+    let Some(camera) = node.camera() else { return Ok(None) };
+    let index = camera.index();
+    doc.note_unknown(&format!("cameras[{index}]"), camera.name(), &[], notes);
+    let projection = projection(doc, index)?;
+    let name = match (node.name(), camera.name()) {
         (Some(name), _) | (None, Some(name)) if !name.is_empty() => name.to_owned(),
         _ => format!("camera {index}"),
     };
     let Some(to_world) = unit_columns(to_world) else {
-        notes.repair("camera dropped: its node is scaled to nothing", &node.label(), 1);
+        let node = label(&format!("nodes[{}]", node.index()), node.name());
+        notes.repair("camera dropped: its node is scaled to nothing", &node, 1);
         return Ok(None);
     };
     Ok(Some(Camera { name, to_world, projection }))
 }
 
-fn projection(camera: &Element<'_>) -> Result<Projection> {
-    let kind = camera.string("type")?.unwrap_or_default();
-    let lens = match kind {
-        "perspective" | "orthographic" => camera.object(kind)?,
-        _ => return Err(camera.wrong("type", "the type is neither perspective nor orthographic")),
+/// `gltf::Camera::projection` panics where the type's own member is missing, so the JSON type is asked.
+fn projection(doc: &Document<'_>, index: usize) -> Result<Projection> {
+    let path = format!("cameras[{index}]");
+    let wrong = |key: &str, problem: &str| Err(invalid(format!("{path}.{key}"), problem, REEXPORT));
+    // Numbers are taken as f64, and stand in the file where the crate found them.
+    let number = |key: &str| doc.exact::<1>("cameras", index, key).map(|[number]| number);
+    let Some(camera) = doc.gltf.as_json().cameras.get(index) else {
+        return wrong("type", "there is no such camera");
     };
-    let lens = lens.ok_or_else(|| camera.wrong(kind, "this is missing"))?;
-    let number = |key: &str| lens.number(key)?.ok_or_else(|| lens.wrong(key, "this is missing"));
-    if kind == "perspective" {
-        let yfov = number("yfov")?;
-        if !(yfov > 0.0 && yfov < std::f64::consts::PI) {
-            return Err(lens.wrong("yfov", format!("the angle {yfov} is not between 0 and π")));
+    match (camera.type_, &camera.perspective, &camera.orthographic) {
+        (Checked::Valid(Type::Perspective), Some(_), _) => {
+            let yfov = number("perspective.yfov").unwrap_or_default();
+            if !(yfov > 0.0 && yfov < std::f64::consts::PI) {
+                return wrong("perspective.yfov", &format!("the angle {yfov} is not between 0 and π"));
+            }
+            let aspect = number("perspective.aspectRatio");
+            if aspect.is_some_and(|aspect| aspect <= 0.0) {
+                return wrong("perspective.aspectRatio", "the ratio is not above 0");
+            }
+            Ok(Projection::Perspective { yfov, aspect })
         }
-        let aspect = lens.number("aspectRatio")?;
-        if aspect.is_some_and(|aspect| aspect <= 0.0) {
-            return Err(lens.wrong("aspectRatio", "the ratio is not above 0"));
+        (Checked::Valid(Type::Orthographic), _, Some(_)) => {
+            // Negative values mirror the picture, which the specification advises against: their size is used.
+            let [xmag, ymag] =
+                ["xmag", "ymag"].map(|key| number(&format!("orthographic.{key}")).unwrap_or_default().abs());
+            match (xmag, ymag) {
+                (0.0, _) => wrong("orthographic.xmag", "the size is 0"),
+                (_, 0.0) => wrong("orthographic.ymag", "the size is 0"),
+                _ => Ok(Projection::Orthographic { xmag, ymag }),
+            }
         }
-        Ok(Projection::Perspective { yfov, aspect })
-    } else {
-        // Negative values mirror the picture, which the specification advises against: their size is used.
-        let magnification = |key: &str| match number(key)?.abs() {
-            0.0 => Err(lens.wrong(key, "the size is 0")),
-            size => Ok(size),
-        };
-        Ok(Projection::Orthographic { xmag: magnification("xmag")?, ymag: magnification("ymag")? })
+        _ => wrong("type", "the camera has no member of the name of its type"),
     }
 }
 

@@ -1,11 +1,12 @@
-//! The parsed file with its buffers: checked access to elements and byte ranges.
+//! The parsed file with its buffers: checked access to byte ranges.
 
 use std::borrow::Cow;
 use std::cell::OnceCell;
 
+use gltf::buffer::{Source, View};
 use serde_json::Value;
 
-use super::json::{Element, whole};
+use super::schema;
 use crate::budget::Budget;
 use crate::error::{REEXPORT, Result, invalid, limit, unsupported};
 use crate::files::{self, Folder};
@@ -13,88 +14,37 @@ use crate::notes::Notes;
 use crate::options::LoadOptions;
 use crate::uri;
 
-/// Parses JSON after estimating from above what the tree will take.
-pub(crate) fn parse_json(bytes: &[u8], budget: &Budget, notes: &mut Notes) -> Result<Value> {
-    let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
-    notes.repair("byte order mark before the JSON ignored", "", u64::from(text.len() != bytes.len()));
-    budget.charge(json_memory(text), 1, "the JSON as a whole")?;
-    let value: Value = serde_json::from_slice(text).map_err(|error| {
-        invalid(
-            format!("line {}, column {}", error.line(), error.column()),
-            format!("this is not valid JSON ({error})"),
-            "the file is damaged or cut short: copy or export it again",
-        )
-    })?;
-    if value.is_object() {
-        Ok(value)
-    } else {
-        Err(invalid("the JSON as a whole", "this is not an object", "check that the file is glTF 2.0"))
-    }
-}
-
-/// An upper bound for the parsed tree in bytes. An array element takes 32 bytes, up to twice that while its vector grows;
-/// the first entry of an object takes a whole node of a B-tree (below 700 bytes), further ones 56 bytes in nodes at least
-/// half full, and an allocation for the key. Text is copied.
-fn json_memory(text: &[u8]) -> u64 {
-    let mut bytes = text.len() as u64;
-    let (mut quoted, mut escaped) = (false, false);
-    // A bit for each level, 1 for an object. The parser gives up at 128 levels, so that what is shifted out is not missed.
-    let mut levels = 0u128;
-    for byte in text {
-        match byte {
-            _ if escaped => escaped = false,
-            b'\\' if quoted => escaped = true,
-            b'"' => quoted = !quoted,
-            _ if quoted => {}
-            b'{' => {
-                bytes = bytes.saturating_add(700);
-                levels = (levels << 1) | 1;
-            }
-            b'[' => {
-                bytes = bytes.saturating_add(128);
-                levels <<= 1;
-            }
-            b'}' | b']' => levels >>= 1,
-            b',' => bytes = bytes.saturating_add(if levels & 1 == 1 { 160 } else { 64 }),
-            _ => {}
-        }
-    }
-    bytes
-}
-
 /// A glTF file while it loads.
 pub(crate) struct Document<'a> {
-    pub(crate) root: Element<'a>,
+    /// The crate's view of the file: its indices are in range, so following them is safe.
+    pub(crate) gltf: gltf::Document,
     pub(crate) options: &'a LoadOptions,
     pub(crate) budget: &'a Budget,
     /// KHR_mesh_quantization is in use: positions and normals may be small integers.
     pub(crate) quantized: bool,
+    /// `extras.environment` of each scene.
+    pub(crate) environments: Vec<Option<Value>>,
+    value: Value,
     folder: Option<&'a Folder>,
     bin: Option<&'a [u8]>,
     buffers: Vec<OnceCell<Cow<'a, [u8]>>>,
 }
 
-/// A range of a buffer.
-pub(crate) struct View<'b> {
-    pub(crate) bytes: &'b [u8],
-    /// Offset within the buffer, for alignment.
-    pub(crate) offset: u64,
-    pub(crate) stride: Option<u64>,
-}
-
 impl<'a> Document<'a> {
-    /// Checks version and required extensions. `folder` is where relative URIs lead; `None` refuses them.
+    /// Checks version, required extensions, structure and indices. `folder` is where relative URIs lead; `None` refuses
+    /// them.
     pub(crate) fn new(
-        json: &'a Value,
+        mut value: Value,
         bin: Option<&'a [u8]>,
         folder: Option<&'a Folder>,
         options: &'a LoadOptions,
         budget: &'a Budget,
+        notes: &mut Notes,
     ) -> Result<Self> {
-        let root = Element::new(json, String::new());
-        check_version(&root)?;
-        super::extensions::check_required(&root)?;
-        let nodes = root.array("nodes")?.len() as u64;
+        check_version(&value)?;
+        super::extensions::check_required(&value)?;
+        let list = |key: &str| value.get(key).and_then(Value::as_array).into_iter().flatten();
+        let nodes = list("nodes").count() as u64;
         if nodes > options.max_nodes {
             return Err(limit(
                 "nodes",
@@ -102,45 +52,39 @@ impl<'a> Document<'a> {
                 "simplify the scene or raise the limit",
             ));
         }
-        let uses = |name: &str| -> Result<bool> {
-            Ok(root.array("extensionsUsed")?.iter().any(|used| used.as_str() == Some(name)))
-        };
-        let quantized = uses("KHR_mesh_quantization")?;
-        let buffers = root.array("buffers")?.iter().map(|_| OnceCell::new()).collect();
-        Ok(Self { root, options, budget, quantized, folder, bin, buffers })
-    }
-
-    /// How many elements a top-level array has.
-    pub(crate) fn count(&self, key: &str) -> Result<usize> {
-        Ok(self.root.array(key)?.len())
-    }
-
-    /// The element that member `key` of `element` refers to, in the top-level array `things`.
-    pub(crate) fn follow(
-        &self,
-        element: &Element<'_>,
-        key: &str,
-        things: &str,
-    ) -> Result<Option<(usize, Element<'a>)>> {
-        match element.index(key, self.count(things)?, things)? {
-            Some(index) => Ok(Some((index, self.root.item(things, index)?))),
-            None => Ok(None),
+        super::extensions::note_unknown(&value, "", None, &["KHR_lights_punctual"], notes);
+        for (i, animation) in list("animations").enumerate() {
+            let name = animation.get("name").and_then(Value::as_str);
+            notes.unmodelled(
+                "animation",
+                &label(&format!("animations[{i}]"), name),
+                "everything is drawn at rest",
+            );
         }
+        let environments =
+            list("scenes").map(|scene| scene.pointer("/extras/environment").cloned()).collect();
+        schema::mend(&mut value)?;
+        let root = schema::interpret(&value, budget)?;
+        let quantized = root.extensions_used.iter().any(|used| used == "KHR_mesh_quantization");
+        let buffers = root.buffers.iter().map(|_| OnceCell::new()).collect();
+        let gltf = gltf::Document::from_json_without_validation(root);
+        Ok(Self { gltf, options, budget, quantized, environments, value, folder, bin, buffers })
     }
 
-    /// The indices in an array member, each one of the top-level array `things`.
-    pub(crate) fn indices(&self, element: &Element<'_>, key: &str, things: &str) -> Result<Vec<usize>> {
-        let count = self.count(things)?;
-        let check = |(i, value): (usize, &Value)| {
-            whole(value).and_then(|n| usize::try_from(n).ok()).filter(|n| *n < count).ok_or_else(|| {
-                invalid(
-                    format!("{}[{i}]", element.path_of(key)),
-                    format!("this is not an index of one of the {count} {things}"),
-                    REEXPORT,
-                )
-            })
+    /// Numbers of an element of a top-level array as f64, which the crate keeps as f32. `key` may lead through several
+    /// members: `perspective.yfov`.
+    pub(crate) fn exact<const N: usize>(&self, array: &str, index: usize, key: &str) -> Option<[f64; N]> {
+        let element = self.value.get(array)?.get(index)?;
+        let numbers: Option<Vec<f64>> = match key.split('.').try_fold(element, |value, key| value.get(key))? {
+            Value::Array(items) => items.iter().map(Value::as_f64).collect(),
+            value => value.as_f64().map(|number| vec![number]),
         };
-        element.array(key)?.iter().enumerate().map(check).collect()
+        numbers?.try_into().ok()
+    }
+
+    /// Names the extensions on an element that have no effect here. `known` are those its reader takes care of.
+    pub(crate) fn note_unknown(&self, path: &str, name: Option<&str>, known: &[&str], notes: &mut Notes) {
+        super::extensions::note_unknown(&self.value, path, name, known, notes);
     }
 
     /// What a URI leads to: embedded data, or a file of the folder.
@@ -154,74 +98,67 @@ impl<'a> Document<'a> {
         files::read(&folder.demand(&name, element)?, self.options.max_file_bytes, self.budget, element)
     }
 
-    fn buffer(&self, index: usize) -> Result<&[u8]> {
-        let element = self.root.item("buffers", index)?;
-        let length =
-            element.integer("byteLength")?.ok_or_else(|| element.wrong("byteLength", "this is missing"))?;
-        let cell = self.buffers.get(index).ok_or_else(|| element.wrong_here("there is no such buffer"))?;
+    fn buffer(&self, buffer: &gltf::Buffer<'_>) -> Result<&[u8]> {
+        let path = format!("buffers[{}]", buffer.index());
+        let length = buffer.length();
+        if length == 0 {
+            return Err(invalid(format!("{path}.byteLength"), "this is missing or 0", REEXPORT));
+        }
+        let nothing =
+            || invalid(path.as_str(), "the buffer has no uri, and the file holds no data for it", REEXPORT);
+        let cell = self.buffers.get(buffer.index()).ok_or_else(nothing)?;
         let bytes = match cell.get() {
             Some(bytes) => bytes,
             None => {
-                let bytes = match (element.string("uri")?, self.bin) {
-                    (Some(uri), _) => Cow::Owned(self.fetch(uri, &element.path_of("uri"))?),
-                    (None, Some(bin)) if index == 0 => Cow::Borrowed(bin),
-                    (None, _) => {
-                        return Err(
-                            element.wrong_here("the buffer has no uri, and the file holds no data for it")
-                        );
-                    }
+                let bytes = match (buffer.source(), self.bin) {
+                    (Source::Uri(uri), _) => Cow::Owned(self.fetch(uri, &format!("{path}.uri"))?),
+                    (Source::Bin, Some(bin)) if buffer.index() == 0 => Cow::Borrowed(bin),
+                    (Source::Bin, _) => return Err(nothing()),
                 };
                 cell.get_or_init(|| bytes)
             }
         };
-        usize::try_from(length).ok().and_then(|length| bytes.get(..length)).ok_or_else(|| {
+        bytes.get(..length).ok_or_else(|| {
             invalid(
-                element.path_of("byteLength"),
+                format!("{path}.byteLength"),
                 format!("the buffer claims {length} bytes, its data has {}", bytes.len()),
                 "the data is damaged or cut short: copy or export it again",
             )
         })
     }
 
-    /// The bytes of the buffer view that member `key` of `element` refers to.
-    pub(crate) fn view(&self, element: &Element<'_>, key: &str) -> Result<Option<View<'_>>> {
-        let Some((_, view)) = self.follow(element, key, "bufferViews")? else { return Ok(None) };
-        let Some((buffer, _)) = self.follow(&view, "buffer", "buffers")? else {
-            return Err(view.wrong("buffer", "this is missing"));
-        };
-        let bytes = self.buffer(buffer)?;
-        let offset = view.integer("byteOffset")?.unwrap_or(0);
-        let length =
-            view.integer("byteLength")?.ok_or_else(|| view.wrong("byteLength", "this is missing"))?;
-        let stride = view.integer("byteStride")?;
-        if stride.is_some_and(|stride| !(4..=252).contains(&stride)) {
-            return Err(view.wrong("byteStride", "the stride is not in 4 to 252"));
-        }
-        let range = range(offset, length).and_then(|range| bytes.get(range)).ok_or_else(|| {
-            view.wrong_here(format!(
-                "bytes {offset} + {length} lie beyond the end of buffers[{buffer}], which has {} bytes",
-                bytes.len()
-            ))
-        })?;
-        Ok(Some(View { bytes: range, offset, stride }))
+    /// The bytes of a buffer view.
+    pub(crate) fn view(&self, view: &View<'_>) -> Result<&[u8]> {
+        let bytes = self.buffer(&view.buffer())?;
+        let (offset, length) = (view.offset(), view.length());
+        offset.checked_add(length).and_then(|end| bytes.get(offset..end)).ok_or_else(|| {
+            invalid(
+                format!("bufferViews[{}]", view.index()),
+                format!(
+                    "bytes {offset} + {length} lie beyond the end of buffers[{}], which has {} bytes",
+                    view.buffer().index(),
+                    bytes.len()
+                ),
+                REEXPORT,
+            )
+        })
     }
 }
 
-/// `offset .. offset + length`, unless that overflows.
-pub(crate) fn range(offset: u64, length: u64) -> Option<std::ops::Range<usize>> {
-    let end = offset.checked_add(length)?;
-    Some(usize::try_from(offset).ok()?..usize::try_from(end).ok()?)
+/// Path and name for people: `materials[3] "Velvet"`.
+pub(crate) fn label(path: &str, name: Option<&str>) -> String {
+    match name {
+        Some(name) => format!("{path} \"{name}\""),
+        None => path.to_owned(),
+    }
 }
 
-fn check_version(root: &Element<'_>) -> Result<()> {
+fn check_version(root: &Value) -> Result<()> {
     let remedy = "export the file as glTF 2.0";
-    let Some(asset) = root.object("asset")? else {
-        return Err(invalid("asset", "this is missing, so the file is not glTF", remedy));
-    };
-    let Some(version) = asset.string("version")? else {
+    let Some(version) = root.pointer("/asset/version").and_then(Value::as_str) else {
         return Err(invalid("asset.version", "this is missing, so the file is not glTF", remedy));
     };
-    let needed = asset.string("minVersion")?.unwrap_or("2.0");
+    let needed = root.pointer("/asset/minVersion").and_then(Value::as_str).unwrap_or("2.0");
     if version.split('.').next() != Some("2") || needed != "2.0" {
         let shown = if needed == "2.0" { version } else { needed };
         return Err(unsupported("asset", format!("the file needs glTF {shown}, only 2.0 is known"), remedy));

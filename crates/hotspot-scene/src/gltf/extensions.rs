@@ -1,6 +1,9 @@
 //! Which glTF extensions the scene models, and what becomes of the others.
 
-use super::json::Element;
+use serde_json::Value;
+
+use super::document::label;
+use super::schema::extension_names;
 use crate::error::{Result, unsupported};
 use crate::notes::Notes;
 
@@ -19,8 +22,9 @@ const MODELLED: [&str; 7] = [
 const SILENT: [&str; 3] = ["KHR_xmp", "KHR_xmp_json_ld", "KHR_draco_mesh_compression"];
 
 /// Refuses a file that demands an extension which we lack: without it, it would be misread.
-pub(crate) fn check_required(root: &Element<'_>) -> Result<()> {
-    for (i, value) in root.array("extensionsRequired")?.iter().enumerate() {
+pub(crate) fn check_required(root: &Value) -> Result<()> {
+    let required = root.get("extensionsRequired").and_then(Value::as_array);
+    for (i, value) in required.into_iter().flatten().enumerate() {
         let path = format!("extensionsRequired[{i}]");
         let Some(name) = value.as_str() else {
             return Err(crate::error::invalid(path, "this is not a string", crate::error::REEXPORT));
@@ -47,13 +51,13 @@ pub(crate) fn check_required(root: &Element<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Names the extensions on `element` that have no effect here. `known` are those its reader takes care of.
-pub(crate) fn note_unknown(element: &Element<'_>, known: &[&str], notes: &mut Notes) -> Result<()> {
-    for name in element.extension_names()? {
-        if known.contains(&name) || SILENT.contains(&name) {
+/// Names the extensions on the element at `path` that have no effect here. `known` are those its reader takes care of.
+pub(crate) fn note_unknown(value: &Value, path: &str, name: Option<&str>, known: &[&str], notes: &mut Notes) {
+    for extension in extension_names(value, path) {
+        if known.contains(&extension) || SILENT.contains(&extension) {
             continue;
         }
-        let effect = match name {
+        let effect = match extension {
             "KHR_lights_punctual" => "the light is left out",
             "EXT_mesh_gpu_instancing" => "one copy is drawn instead of many",
             "KHR_materials_unlit" => "the surface is lit",
@@ -68,8 +72,7 @@ pub(crate) fn note_unknown(element: &Element<'_>, known: &[&str], notes: &mut No
             "EXT_lights_image_based" => "the environment map is left out",
             _ => "ignored",
         };
-        let label = if element.path.is_empty() { "the file as a whole".into() } else { element.label() };
-        notes.unmodelled(name, &label, effect);
+        let element = if path.is_empty() { "the file as a whole".into() } else { label(path, name) };
+        notes.unmodelled(extension, &element, effect);
     }
-    Ok(())
 }

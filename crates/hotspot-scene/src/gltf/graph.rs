@@ -2,9 +2,10 @@
 //!
 //! The walk keeps its own stack and visits each node once, so neither depth nor cycles nor shared children hurt.
 
+use gltf::Node;
+
 use super::document::Document;
-use super::json::Element;
-use crate::error::{Result, invalid};
+use crate::error::{REEXPORT, Result, invalid};
 use crate::notes::Notes;
 
 /// Rows of a 3×4 affine matrix.
@@ -25,20 +26,20 @@ pub(crate) fn walk(
     roots_path: &str,
     notes: &mut Notes,
 ) -> Result<Vec<Placed>> {
-    let nodes = doc.count("nodes")?;
+    let nodes = doc.gltf.nodes().len();
     doc.budget.charge(nodes as u64, 2 * size_of::<Placed>() as u64 + 128, "nodes")?;
     let mut seen = vec![false; nodes];
     let mut placed = Vec::new();
     let mut stack = Vec::new();
     push(&mut stack, &mut seen, roots, IDENTITY, roots_path)?;
     while let Some(Placed { node, to_world: parent }) = stack.pop() {
-        let element = doc.root.item("nodes", node)?;
-        let to_world = multiply(&parent, &local(&element, notes)?);
+        let Some(element) = doc.gltf.nodes().nth(node) else { continue };
+        let to_world = multiply(&parent, &local(doc, &element, notes));
         if !to_world.iter().flatten().all(|c| c.is_finite()) {
-            return Err(element.wrong_here("the transform of the node overflows"));
+            return Err(invalid(format!("nodes[{node}]"), "the transform of the node overflows", REEXPORT));
         }
-        let children = doc.indices(&element, "children", "nodes")?;
-        push(&mut stack, &mut seen, &children, to_world, &element.path_of("children"))?;
+        let children: Vec<usize> = element.children().map(|child| child.index()).collect();
+        push(&mut stack, &mut seen, &children, to_world, &format!("nodes[{node}].children"))?;
         placed.push(Placed { node, to_world });
     }
     Ok(placed)
@@ -71,13 +72,11 @@ fn push(
 
 /// Nodes that are no node's child, for files without scenes.
 pub(crate) fn roots(doc: &Document<'_>) -> Result<Vec<usize>> {
-    let count = doc.count("nodes")?;
+    let count = doc.gltf.nodes().len();
     let mut is_child = vec![false; count];
-    for node in 0..count {
-        for child in doc.indices(&doc.root.item("nodes", node)?, "children", "nodes")? {
-            if let Some(flag) = is_child.get_mut(child) {
-                *flag = true;
-            }
+    for child in doc.gltf.nodes().flat_map(|node| node.children()) {
+        if let Some(flag) = is_child.get_mut(child.index()) {
+            *flag = true;
         }
     }
     let roots: Vec<usize> =
@@ -92,41 +91,42 @@ pub(crate) fn roots(doc: &Document<'_>) -> Result<Vec<usize>> {
     Ok(roots)
 }
 
-/// The node's own transform.
-fn local(node: &Element<'_>, notes: &mut Notes) -> Result<Affine> {
-    if let Some(m) = node.numbers::<16>("matrix")? {
+/// The node's own transform, in f64: the crate rounds to f32, which adds up down the tree.
+fn local(doc: &Document<'_>, node: &Node<'_>, notes: &mut Notes) -> Affine {
+    let index = node.index();
+    if let Some(m) = doc.exact::<16>("nodes", index, "matrix") {
         let [a, b, c, d] = [0, 4, 8, 12].map(|i| [m[i], m[i + 1], m[i + 2], m[i + 3]]);
         let affine = [a[3], b[3], c[3], d[3]] == [0.0, 0.0, 0.0, 1.0];
-        notes.repair("projective part of a matrix ignored", &node.path_of("matrix"), u64::from(!affine));
-        return Ok([0, 1, 2].map(|row| [a[row], b[row], c[row], d[row]]));
+        let path = format!("nodes[{index}].matrix");
+        notes.repair("projective part of a matrix ignored", &path, u64::from(!affine));
+        return [0, 1, 2].map(|row| [a[row], b[row], c[row], d[row]]);
     }
-    let translation = node.numbers::<3>("translation")?.unwrap_or([0.0; 3]);
-    let scale = node.numbers::<3>("scale")?.unwrap_or([1.0; 3]);
-    let [x, y, z, w] = rotation(node, notes)?;
+    let translation = doc.exact::<3>("nodes", index, "translation").unwrap_or([0.0; 3]);
+    let scale = doc.exact::<3>("nodes", index, "scale").unwrap_or([1.0; 3]);
+    let [x, y, z, w] = rotation(doc.exact("nodes", index, "rotation"), index, notes);
     let rows = [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
         [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
         [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
     ];
-    Ok([0, 1, 2]
-        .map(|i| [rows[i][0] * scale[0], rows[i][1] * scale[1], rows[i][2] * scale[2], translation[i]]))
+    [0, 1, 2].map(|i| [rows[i][0] * scale[0], rows[i][1] * scale[1], rows[i][2] * scale[2], translation[i]])
 }
 
 /// The unit quaternion of a node.
-fn rotation(node: &Element<'_>, notes: &mut Notes) -> Result<[f64; 4]> {
-    let Some(q) = node.numbers::<4>("rotation")? else { return Ok([0.0, 0.0, 0.0, 1.0]) };
+fn rotation(stated: Option<[f64; 4]>, node: usize, notes: &mut Notes) -> [f64; 4] {
+    let Some(q) = stated else { return [0.0, 0.0, 0.0, 1.0] };
     let length = q.iter().map(|c| c * c).sum::<f64>().sqrt();
     // Exporters round to f32: that much is no fault, and left as it is.
     if (length - 1.0).abs() <= 1e-5 {
-        return Ok(q);
+        return q;
     }
-    let path = node.path_of("rotation");
+    let path = format!("nodes[{node}].rotation");
     if length > 0.0 && length.is_finite() {
         notes.repair("rotation normalised", &path, 1);
-        Ok(q.map(|c| c / length))
+        q.map(|c| c / length)
     } else {
         notes.repair("rotation without direction ignored", &path, 1);
-        Ok([0.0, 0.0, 0.0, 1.0])
+        [0.0, 0.0, 0.0, 1.0]
     }
 }
 

@@ -3,11 +3,13 @@
 //! Which model a material becomes is decided by the first rule that applies: transmission is glass; metallic 1 is a mirror
 //! (roughness 0) or rough metal; metallic 0 is matte (specularFactor 0) or substrate; in between is glTF's linear mix.
 
-use super::document::Document;
-use super::extensions;
-use super::json::Element;
+use gltf::material::AlphaMode;
+use gltf::texture::Info;
+
+use super::document::{Document, label};
 use super::texture::Textures;
-use crate::error::Result;
+use crate::LoadError;
+use crate::error::{REEXPORT, Result, invalid};
 use crate::notes::Notes;
 use crate::scene::{Alpha, Bsdf, Channel, Color, Material, Scalar, TextureRef};
 
@@ -20,37 +22,42 @@ const KNOWN: [&str; 5] = [
     "KHR_materials_volume",
 ];
 
+const IOR: &str = "extensions.KHR_materials_ior.ior";
+
 /// A material and the set of texture coordinates that its textures read.
 pub(crate) struct Loaded {
     pub(crate) material: Material,
-    pub(crate) uv_set: Option<u64>,
+    pub(crate) uv_set: Option<u32>,
 }
 
 /// The material at `index`, under its name in the file.
-pub(crate) fn read<'a>(
-    doc: &Document<'a>,
+pub(crate) fn read(
+    doc: &Document<'_>,
+    stated: &gltf::Material<'_>,
     index: usize,
     textures: &mut Textures,
     notes: &mut Notes,
 ) -> Result<Loaded> {
-    let element = doc.root.item("materials", index)?;
-    extensions::note_unknown(&element, &KNOWN, notes)?;
-    let name = match element.string("name")? {
+    let path = format!("materials[{index}]");
+    doc.note_unknown(&path, stated.name(), &KNOWN, notes);
+    let name = match stated.name() {
         Some(name) if !name.is_empty() => name.to_owned(),
         _ => format!("material {index}"),
     };
-    let mut reader = Reader { doc, label: element.label(), element, textures, notes, uv_set: None };
+    let mut reader =
+        Reader { doc, label: label(&path, stated.name()), path, stated, textures, notes, uv_set: None };
     let material = reader.material(name)?;
     Ok(Loaded { material, uv_set: reader.uv_set })
 }
 
 struct Reader<'d, 'a, 'r> {
     doc: &'d Document<'a>,
-    element: Element<'a>,
+    stated: &'r gltf::Material<'r>,
+    path: String,
     label: String,
     textures: &'r mut Textures,
     notes: &'r mut Notes,
-    uv_set: Option<u64>,
+    uv_set: Option<u32>,
 }
 
 /// The values of `pbrMetallicRoughness`.
@@ -61,7 +68,7 @@ struct Pbr {
     roughness: Scalar,
 }
 
-impl<'a> Reader<'_, 'a, '_> {
+impl Reader<'_, '_, '_> {
     fn material(&mut self, name: String) -> Result<Material> {
         let pbr = self.pbr()?;
         let bsdf = match self.glass(&pbr)? {
@@ -69,31 +76,29 @@ impl<'a> Reader<'_, 'a, '_> {
             None => self.opaque(&pbr)?,
         };
         let emission = self.emission()?;
-        let alpha = self.alpha(&pbr)?;
-        if self.element.get("normalTexture").is_some() {
+        let alpha = self.alpha(&pbr);
+        if self.stated.normal_texture().is_some() {
             self.note("normalTexture", "the surface is drawn without bumps");
         }
-        Ok(Material { name, bsdf, double_sided: self.element.boolean("doubleSided")?, emission, alpha })
+        Ok(Material { name, bsdf, double_sided: self.stated.double_sided(), emission, alpha })
     }
 
     fn note(&mut self, feature: &str, effect: &str) {
         self.notes.unmodelled(feature, &self.label, effect);
     }
 
+    fn wrong(&self, key: &str, problem: &str) -> LoadError {
+        invalid(format!("{}.{key}", self.path), problem, REEXPORT)
+    }
+
     fn pbr(&mut self) -> Result<Pbr> {
-        let white = Color::constant([1.0; 3]);
-        let one = Scalar::constant(1.0);
-        let Some(pbr) = self.element.object("pbrMetallicRoughness")? else {
-            return Ok(Pbr { base: white, alpha: 1.0, metallic: one, roughness: one });
-        };
-        let factor = pbr.floats::<4>("baseColorFactor")?.unwrap_or([1.0; 4]);
-        let [r, g, b, alpha] = factor.map(|f| f.clamp(0.0, 1.0));
-        let outside = factor != [r, g, b, alpha];
-        self.notes.repair("factor clamped to 0..1", &pbr.path_of("baseColorFactor"), u64::from(outside));
-        let texture = self.texture(&pbr, "baseColorTexture")?;
-        let metallic = self.share(&pbr, "metallicFactor", 1.0)?;
-        let roughness = self.share(&pbr, "roughnessFactor", 1.0)?;
-        let both = self.texture(&pbr, "metallicRoughnessTexture")?;
+        let pbr = self.stated.pbr_metallic_roughness();
+        let [r, g, b, alpha] = self.shares(pbr.base_color_factor(), "pbrMetallicRoughness.baseColorFactor");
+        let texture = self.texture(pbr.base_color_texture(), "pbrMetallicRoughness.baseColorTexture")?;
+        let [metallic] = self.shares([pbr.metallic_factor()], "pbrMetallicRoughness.metallicFactor");
+        let [roughness] = self.shares([pbr.roughness_factor()], "pbrMetallicRoughness.roughnessFactor");
+        let both = pbr.metallic_roughness_texture();
+        let both = self.texture(both, "pbrMetallicRoughness.metallicRoughnessTexture")?;
         // A factor of 0 makes the texture irrelevant.
         let scaled = |factor: f32, channel| Scalar {
             factor,
@@ -107,23 +112,25 @@ impl<'a> Reader<'_, 'a, '_> {
         })
     }
 
-    /// A number in 0..1; others are clamped and noted.
-    fn share(&mut self, element: &Element<'a>, key: &str, default: f32) -> Result<f32> {
-        let value = element.float(key)?.unwrap_or(default);
-        let clamped = value.clamp(0.0, 1.0);
-        self.notes.repair("factor clamped to 0..1", &element.path_of(key), u64::from(clamped != value));
-        Ok(clamped)
+    /// Numbers in 0..1; others are clamped and noted.
+    fn shares<const N: usize>(&mut self, stated: [f32; N], key: &str) -> [f32; N] {
+        let clamped = stated.map(|number| number.clamp(0.0, 1.0));
+        let path = format!("{}.{key}", self.path);
+        self.notes.repair("factor clamped to 0..1", &path, u64::from(clamped != stated));
+        clamped
     }
 
     /// The texture in a slot. All textures of a material must read the same coordinates; the first decides.
-    fn texture(&mut self, element: &Element<'a>, key: &str) -> Result<Option<TextureRef>> {
-        let Some(info) = element.object(key)? else { return Ok(None) };
-        let Some(slot) = self.textures.slot(self.doc, &info, self.notes)? else { return Ok(None) };
+    fn texture(&mut self, info: Option<Info<'_>>, key: &str) -> Result<Option<TextureRef>> {
+        let Some(info) = info else { return Ok(None) };
+        let path = format!("{}.{key}", self.path);
+        let Some(slot) = self.textures.slot(self.doc, &info, &path, self.notes)? else { return Ok(None) };
         if *self.uv_set.get_or_insert(slot.uv_set) == slot.uv_set {
             Ok(Some(slot.texture))
         } else {
+            let slot = key.rsplit('.').next().unwrap_or_default();
             self.note(
-                &format!("{key} with its own texture coordinates"),
+                &format!("{slot} with its own texture coordinates"),
                 "the texture is left out: a material's textures share one set",
             );
             Ok(None)
@@ -132,17 +139,16 @@ impl<'a> Reader<'_, 'a, '_> {
 
     /// Glass, where the material transmits light.
     fn glass(&mut self, pbr: &Pbr) -> Result<Option<Bsdf>> {
-        let Some(transmission) = self.element.extension("KHR_materials_transmission")? else {
-            return Ok(None);
-        };
-        let factor = self.share(&transmission, "transmissionFactor", 0.0)?;
+        let Some(transmission) = self.stated.transmission() else { return Ok(None) };
+        let factor = transmission.transmission_factor();
+        let [factor] = self.shares([factor], "extensions.KHR_materials_transmission.transmissionFactor");
         if factor == 0.0 {
             return Ok(None);
         }
         if factor < 1.0 {
             self.note("transmissionFactor below 1", "the surface is clear glass");
         }
-        if transmission.get("transmissionTexture").is_some() {
+        if transmission.transmission_texture().is_some() {
             self.note("transmissionTexture", "the whole surface transmits");
         }
         if pbr.roughness.factor > 0.0 {
@@ -150,32 +156,29 @@ impl<'a> Reader<'_, 'a, '_> {
         }
         let ior = self.ior()?;
         if ior == 0.0 {
-            let extension = self.element.path_of("extensions.KHR_materials_ior.ior");
-            return Err(crate::error::invalid(
-                extension,
+            return Err(invalid(
+                format!("{}.{IOR}", self.path),
                 "an index of refraction of 0 cannot transmit",
                 "set it to 1 or more",
             ));
         }
         let mut thin = true;
-        if let Some(volume) = self.element.extension("KHR_materials_volume")? {
-            thin = volume.float("thicknessFactor")?.unwrap_or(0.0) <= 0.0;
-            if volume.get("thicknessTexture").is_some() {
+        if let Some(volume) = self.stated.volume() {
+            thin = volume.thickness_factor() <= 0.0;
+            if volume.thickness_texture().is_some() {
                 self.note("thicknessTexture", "the thickness is that of the geometry");
             }
-            let tint = volume.floats::<3>("attenuationColor")?.unwrap_or([1.0; 3]);
-            if volume.float("attenuationDistance")?.is_some() && tint != [1.0; 3] {
+            if volume.attenuation_distance().is_finite() && volume.attenuation_color() != [1.0; 3] {
                 self.note("attenuation in glass", "the glass absorbs nothing");
             }
         }
         Ok(Some(Bsdf::Glass { ior, thin, transmittance: pbr.base }))
     }
 
-    fn ior(&mut self) -> Result<f32> {
-        let Some(extension) = self.element.extension("KHR_materials_ior")? else { return Ok(1.5) };
-        match extension.float("ior")?.unwrap_or(1.5) {
+    fn ior(&self) -> Result<f32> {
+        match self.stated.ior().unwrap_or(1.5) {
             ior if ior >= 0.0 => Ok(ior),
-            _ => Err(extension.wrong("ior", "an index of refraction is not below 0")),
+            _ => Err(self.wrong(IOR, "an index of refraction is not below 0")),
         }
     }
 
@@ -201,13 +204,16 @@ impl<'a> Reader<'_, 'a, '_> {
     fn dielectric(&mut self, pbr: &Pbr) -> Result<Bsdf> {
         let mut factor = 1.0;
         let mut color = [1.0; 3];
-        if let Some(specular) = self.element.extension("KHR_materials_specular")? {
-            factor = self.share(&specular, "specularFactor", 1.0)?;
-            color = specular.floats::<3>("specularColorFactor")?.unwrap_or(color);
-            for slot in ["specularTexture", "specularColorTexture"] {
-                if specular.get(slot).is_some() && factor > 0.0 {
-                    self.note(slot, "the highlights have the same strength everywhere");
-                }
+        if let Some(specular) = self.stated.specular() {
+            let key = "extensions.KHR_materials_specular.specularFactor";
+            [factor] = self.shares([specular.specular_factor()], key);
+            color = specular.specular_color_factor();
+            let slots = [
+                ("specularTexture", specular.specular_texture().is_some()),
+                ("specularColorTexture", specular.specular_color_texture().is_some()),
+            ];
+            for (slot, _) in slots.into_iter().filter(|(_, used)| *used && factor > 0.0) {
+                self.note(slot, "the highlights have the same strength everywhere");
             }
         }
         if factor == 0.0 {
@@ -220,41 +226,36 @@ impl<'a> Reader<'_, 'a, '_> {
     }
 
     fn emission(&mut self) -> Result<Color> {
-        let factor = self.element.floats::<3>("emissiveFactor")?.unwrap_or([0.0; 3]);
-        let path = self.element.path_of("emissiveFactor");
+        let factor = self.stated.emissive_factor();
+        let path = format!("{}.emissiveFactor", self.path);
         self.notes.repair("negative emission set to 0", &path, u64::from(factor.iter().any(|f| *f < 0.0)));
-        let mut strength = 1.0;
-        if let Some(extension) = self.element.extension("KHR_materials_emissive_strength")? {
-            strength = extension.number("emissiveStrength")?.unwrap_or(1.0);
-            if strength < 0.0 {
-                return Err(extension.wrong("emissiveStrength", "a strength is not below 0"));
-            }
+        let strength = f64::from(self.stated.emissive_strength().unwrap_or(1.0));
+        if strength < 0.0 {
+            let key = "extensions.KHR_materials_emissive_strength.emissiveStrength";
+            return Err(self.wrong(key, "a strength is not below 0"));
         }
         let factor = factor.map(|f| (f64::from(f.max(0.0)) * strength) as f32);
         if !factor.iter().all(|f| f.is_finite()) {
-            return Err(self.element.wrong("emissiveFactor", "factor times strength is too large"));
+            return Err(self.wrong("emissiveFactor", "factor times strength is too large"));
         }
         if factor == [0.0; 3] {
             return Ok(Color::constant(factor));
         }
-        let element = self.element.clone();
-        Ok(Color { factor, texture: self.texture(&element, "emissiveTexture")? })
+        Ok(Color { factor, texture: self.texture(self.stated.emissive_texture(), "emissiveTexture")? })
     }
 
-    fn alpha(&mut self, pbr: &Pbr) -> Result<Alpha> {
+    fn alpha(&self, pbr: &Pbr) -> Alpha {
         // Not looked up where it is 1 all over.
         let texture = pbr.base.texture.filter(|t| !self.textures.images.is_solid(t.texture));
         let alpha = Scalar { factor: pbr.alpha, texture: texture.map(|t| (t, Channel::A)) };
-        match self.element.string("alphaMode")? {
-            None | Some("OPAQUE") => Ok(Alpha::Opaque),
-            Some("BLEND") if alpha == Scalar::constant(1.0) => Ok(Alpha::Opaque),
-            Some("BLEND") => Ok(Alpha::Blend { alpha }),
-            Some("MASK") => {
-                let cutoff = self.element.float("alphaCutoff")?.unwrap_or(0.5);
+        match self.stated.alpha_mode() {
+            AlphaMode::Blend if alpha != Scalar::constant(1.0) => Alpha::Blend { alpha },
+            AlphaMode::Opaque | AlphaMode::Blend => Alpha::Opaque,
+            AlphaMode::Mask => {
+                let cutoff = self.stated.alpha_cutoff().unwrap_or(0.5);
                 let whole = alpha.texture.is_none() && alpha.factor >= cutoff;
-                Ok(if whole { Alpha::Opaque } else { Alpha::Mask { cutoff, alpha } })
+                if whole { Alpha::Opaque } else { Alpha::Mask { cutoff, alpha } }
             }
-            Some(_) => Err(self.element.wrong("alphaMode", "the mode is none of OPAQUE, MASK and BLEND")),
         }
     }
 }

@@ -1,7 +1,8 @@
 //! glTF 2.0 to a [`Scene`].
 //!
-//! The JSON is walked as plain values and accessors are read by our own checked reader: importers that trust the file's
-//! numbers panic on malformed ones.
+//! The `gltf` crate interprets the schema, checks indices, follows references and decodes items. What is ours, and why:
+//! containers, URIs, buffers and the ranges of accessors, since the crate panics or reads on where their numbers lie;
+//! mending the JSON before the crate sees it (`schema`); transforms and lenses in f64, which it rounds to f32.
 
 mod accessor;
 mod camera;
@@ -9,16 +10,15 @@ mod document;
 mod extensions;
 pub(crate) mod glb;
 mod graph;
-mod json;
 mod material;
 mod primitive;
+mod schema;
 mod texture;
 
 use std::collections::HashMap;
 
-use document::Document;
+use document::{Document, label};
 use graph::Placed;
-use json::Element;
 use primitive::Sources;
 use texture::Textures;
 
@@ -45,13 +45,8 @@ pub(crate) fn load(
     } else {
         (bytes, None)
     };
-    let json = document::parse_json(text, budget, &mut notes)?;
-    let doc = Document::new(&json, bin, folder, options, budget)?;
-    extensions::note_unknown(&doc.root, &["KHR_lights_punctual"], &mut notes)?;
-    for animation in 0..doc.count("animations")? {
-        let animation = doc.root.item("animations", animation)?;
-        notes.unmodelled("animation", &animation.label(), "everything is drawn at rest");
-    }
+    let json = schema::parse_json(text, budget, &mut notes)?;
+    let doc = Document::new(json, bin, folder, options, budget, &mut notes)?;
     let mut loader = Loader::new(&doc, notes);
     loader.scene()?;
     Ok(loader.finish())
@@ -61,7 +56,7 @@ pub(crate) fn load(
 #[derive(Clone, Copy)]
 struct MaterialUse {
     index: u32,
-    uv_set: Option<u64>,
+    uv_set: Option<u32>,
 }
 
 struct Loader<'d, 'a> {
@@ -103,8 +98,9 @@ impl<'d, 'a> Loader<'d, 'a> {
     }
 
     fn scene(&mut self) -> Result<()> {
-        let count = self.doc.count("scenes")?;
-        let chosen = match self.doc.options.scene {
+        let doc = self.doc;
+        let count = doc.gltf.scenes().len();
+        let chosen = match doc.options.scene {
             Some(index) if index >= count => {
                 return Err(invalid(
                     "scenes",
@@ -112,56 +108,70 @@ impl<'d, 'a> Loader<'d, 'a> {
                     "choose one of them",
                 ));
             }
-            Some(index) => Some(index),
-            None => self.doc.root.index("scene", count, "scenes")?.or((count > 0).then_some(0)),
+            Some(index) => doc.gltf.scenes().nth(index),
+            None => doc.gltf.default_scene().or_else(|| doc.gltf.scenes().next()),
         };
         let placed = match chosen {
-            Some(index) => {
-                let scene = self.doc.root.item("scenes", index)?;
+            Some(scene) => {
+                let path = format!("scenes[{}]", scene.index());
                 if count > 1 {
-                    let effect = format!("only {} is drawn", scene.label());
+                    let effect = format!("only {} is drawn", label(&path, scene.name()));
                     self.notes.unmodelled("several scenes", "scenes", &effect);
                 }
-                extensions::note_unknown(&scene, &[], &mut self.notes)?;
-                self.environment(&scene)?;
-                let roots = self.doc.indices(&scene, "nodes", "nodes")?;
-                graph::walk(self.doc, &roots, &scene.path_of("nodes"), &mut self.notes)?
+                doc.note_unknown(&path, scene.name(), &[], &mut self.notes);
+                self.environment(scene.index())?;
+                let roots: Vec<usize> = scene.nodes().map(|node| node.index()).collect();
+                graph::walk(doc, &roots, &format!("{path}.nodes"), &mut self.notes)?
             }
-            None => graph::walk(self.doc, &graph::roots(self.doc)?, "nodes", &mut self.notes)?,
+            None => graph::walk(doc, &graph::roots(doc)?, "nodes", &mut self.notes)?,
         };
         placed.iter().try_for_each(|placed| self.node(placed))
     }
 
     /// Our convention for a constant environment: `extras.environment.constant = [R, G, B]`.
-    fn environment(&mut self, scene: &Element<'a>) -> Result<()> {
+    fn environment(&mut self, scene: usize) -> Result<()> {
         // Extras may be anything: only an object in an object is ours.
-        let Some(extras) = scene.get("extras") else { return Ok(()) };
-        let Some(environment) = extras.get("environment") else { return Ok(()) };
-        match environment.floats::<3>("constant")? {
-            Some(radiance) if radiance.iter().all(|c| *c >= 0.0) => {
+        let Some(Some(environment)) = self.doc.environments.get(scene) else { return Ok(()) };
+        let path = format!("scenes[{scene}].extras.environment");
+        let Some(constant) = environment.get("constant").filter(|constant| !constant.is_null()) else {
+            self.notes.unmodelled("environment", &path, "ignored: it has no `constant`");
+            return Ok(());
+        };
+        let numbers: Option<Vec<f32>> = constant
+            .as_array()
+            .and_then(|items| items.iter().map(|item| item.as_f64().map(|number| number as f32)).collect());
+        match numbers.and_then(|numbers| <[f32; 3]>::try_from(numbers).ok()) {
+            Some(radiance) if radiance.iter().all(|c| c.is_finite() && *c >= 0.0) => {
                 self.scene.environment = Some(Environment::Constant(radiance));
+                Ok(())
             }
-            Some(_) => return Err(environment.wrong("constant", "radiance is not below 0")),
-            None => self.notes.unmodelled("environment", &environment.path, "ignored: it has no `constant`"),
+            _ => Err(invalid(
+                format!("{path}.constant"),
+                "this is not a radiance: three finite numbers of at least 0",
+                REEXPORT,
+            )),
         }
-        Ok(())
     }
 
     fn node(&mut self, placed: &Placed) -> Result<()> {
-        let node = self.doc.root.item("nodes", placed.node)?;
-        extensions::note_unknown(&node, &[], &mut self.notes)?;
-        if let Some(mut camera) = camera::read(self.doc, &node, &placed.to_world, &mut self.notes)? {
+        let doc = self.doc;
+        let Some(node) = doc.gltf.nodes().nth(placed.node) else { return Ok(()) };
+        let path = format!("nodes[{}]", placed.node);
+        doc.note_unknown(&path, node.name(), &[], &mut self.notes);
+        if let Some(mut camera) = camera::read(doc, &node, &placed.to_world, &mut self.notes)? {
             camera.name = self.camera_names.unique(&camera.name);
             self.scene.cameras.push(camera);
         }
-        let Some((_, mesh)) = self.doc.follow(&node, "mesh", "meshes")? else { return Ok(()) };
-        if node.get("skin").is_some() {
-            self.notes.unmodelled("skin", &node.label(), "the mesh is drawn unbent, where its node stands");
+        let Some(mesh) = node.mesh() else { return Ok(()) };
+        if node.skin().is_some() {
+            let effect = "the mesh is drawn unbent, where its node stands";
+            self.notes.unmodelled("skin", &label(&path, node.name()), effect);
         }
-        extensions::note_unknown(&mesh, &[], &mut self.notes)?;
-        let primitives = mesh.array("primitives")?;
-        if primitives.is_empty() {
-            self.notes.repair("mesh without primitives dropped", &mesh.path, 1);
+        let path = format!("meshes[{}]", mesh.index());
+        doc.note_unknown(&path, mesh.name(), &[], &mut self.notes);
+        let primitives = mesh.primitives();
+        if primitives.len() == 0 {
+            self.notes.repair("mesh without primitives dropped", &path, 1);
         }
         // Counted before they are looked at: also those that draw nothing take time.
         self.placed = self.placed.saturating_add(primitives.len() as u64);
@@ -173,22 +183,21 @@ impl<'d, 'a> Loader<'d, 'a> {
             ));
         }
         let mut object = None;
-        for index in 0..primitives.len() {
-            let primitive = mesh.item("primitives", index)?;
-            let Some((mesh_index, material)) = self.primitive(&mesh, &primitive, index)? else { continue };
+        for primitive in primitives {
+            let Some((mesh_index, material)) = self.primitive(&mesh, &primitive)? else { continue };
             let object = match object {
                 Some(object) => object,
-                None => *object.insert(self.object(placed.node, &node, &mesh)?),
+                None => *object.insert(self.object(&node, &mesh)?),
             };
             self.instance(Instance { object, mesh: mesh_index, material, to_world: placed.to_world })?;
         }
         Ok(())
     }
 
-    fn object(&mut self, index: usize, node: &Element<'a>, mesh: &Element<'a>) -> Result<u32> {
-        let name = match (node.string("name")?, mesh.string("name")?) {
+    fn object(&mut self, node: &gltf::Node<'_>, mesh: &gltf::Mesh<'_>) -> Result<u32> {
+        let name = match (node.name(), mesh.name()) {
             (Some(name), _) | (None, Some(name)) if !name.is_empty() => name.to_owned(),
-            _ => format!("node {index}"),
+            _ => format!("node {}", node.index()),
         };
         let name = self.object_names.unique(&name);
         self.scene.objects.push(Object { name });
@@ -204,28 +213,28 @@ impl<'d, 'a> Loader<'d, 'a> {
     /// Mesh and material of a primitive; `None` where it has no triangles.
     fn primitive(
         &mut self,
-        mesh: &Element<'a>,
-        primitive: &Element<'a>,
-        number: usize,
+        mesh: &gltf::Mesh<'_>,
+        primitive: &gltf::Primitive<'_>,
     ) -> Result<Option<(u32, u32)>> {
-        extensions::note_unknown(primitive, &[], &mut self.notes)?;
+        let path = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
+        self.doc.note_unknown(&path, None, &[], &mut self.notes);
         // Asked without a material first, so that no texture is read for points and lines.
-        if Sources::of(self.doc, primitive, None, &mut self.notes)?.is_none() {
+        if Sources::of(primitive, &path, None, &mut self.notes).is_none() {
             return Ok(None);
         }
-        let material = self.material(primitive)?;
-        let Some(sources) = Sources::of(self.doc, primitive, material.uv_set, &mut self.notes)? else {
+        let material = self.material(&primitive.material(), &path)?;
+        let Some(sources) = Sources::of(primitive, &path, material.uv_set, &mut self.notes) else {
             return Ok(None);
         };
         if let Some(known) = self.meshes.get(&sources) {
             return Ok(known.map(|index| (index, material.index)));
         }
-        let name = match mesh.string("name")? {
-            Some(name) if number == 0 => name.to_owned(),
-            Some(name) => format!("{name} part {}", number + 1),
-            None => primitive.path.clone(),
+        let name = match (mesh.name(), primitive.index()) {
+            (Some(name), 0) => name.to_owned(),
+            (Some(name), number) => format!("{name} part {}", number + 1),
+            (None, _) => path.clone(),
         };
-        let index = match sources.read(self.doc, name, &primitive.path, &mut self.notes)? {
+        let index = match sources.read(self.doc, name, &path, &mut self.notes)? {
             Some(read) => {
                 self.scene.meshes.push(read);
                 Some(index_of_last(self.scene.meshes.len(), "meshes")?)
@@ -236,17 +245,17 @@ impl<'d, 'a> Loader<'d, 'a> {
         Ok(index.map(|index| (index, material.index)))
     }
 
-    fn material(&mut self, primitive: &Element<'a>) -> Result<MaterialUse> {
-        let key = self.doc.follow(primitive, "material", "materials")?.map(|(index, _)| index);
+    fn material(&mut self, material: &gltf::Material<'_>, primitive: &str) -> Result<MaterialUse> {
+        let key = material.index();
         if key.is_none() {
-            self.notes.repair("no material: grey matte used", &primitive.path, 1);
+            self.notes.repair("no material: grey matte used", primitive, 1);
         }
         if let Some(known) = self.materials.get(&key) {
             return Ok(*known);
         }
         let (mut material, uv_set) = match key {
             Some(index) => {
-                let loaded = material::read(self.doc, index, &mut self.textures, &mut self.notes)?;
+                let loaded = material::read(self.doc, material, index, &mut self.textures, &mut self.notes)?;
                 (loaded.material, loaded.uv_set)
             }
             None => (Material::default_matte("default"), None),

@@ -1,8 +1,10 @@
 //! Mesh primitives (glTF 2.0, section 3.7.2) to meshes.
 
+use gltf::Semantic;
+use gltf::mesh::Mode;
+
 use super::accessor::{self, Kind};
 use super::document::Document;
-use super::json::Element;
 use crate::error::{Result, limit};
 use crate::geometry;
 use crate::notes::Notes;
@@ -30,54 +32,41 @@ impl Sources {
     /// Reads which accessors a primitive names; `None` where it draws no triangles (noted). `uv_set` is what its material
     /// needs.
     pub(crate) fn of(
-        doc: &Document<'_>,
-        primitive: &Element<'_>,
-        uv_set: Option<u64>,
+        primitive: &gltf::Primitive<'_>,
+        path: &str,
+        uv_set: Option<u32>,
         notes: &mut Notes,
-    ) -> Result<Option<Self>> {
-        let shape = match primitive.integer("mode")? {
-            None | Some(4) => Shape::List,
-            Some(5) => Shape::Strip,
-            Some(6) => Shape::Fan,
-            Some(0) => {
-                notes.unmodelled("points", &primitive.path, "not drawn");
-                return Ok(None);
+    ) -> Option<Self> {
+        let shape = match primitive.mode() {
+            Mode::Triangles => Shape::List,
+            Mode::TriangleStrip => Shape::Strip,
+            Mode::TriangleFan => Shape::Fan,
+            Mode::Points => {
+                notes.unmodelled("points", path, "not drawn");
+                return None;
             }
-            Some(1..=3) => {
-                notes.unmodelled("lines", &primitive.path, "not drawn");
-                return Ok(None);
+            Mode::Lines | Mode::LineLoop | Mode::LineStrip => {
+                notes.unmodelled("lines", path, "not drawn");
+                return None;
             }
-            Some(other) => return Err(primitive.wrong("mode", format!("{other} is not a mode"))),
         };
-        let Some(attributes) = primitive.object("attributes")? else {
-            return Err(primitive.wrong("attributes", "this is missing"));
+        let find = |semantic| primitive.get(&semantic).map(|accessor| accessor.index());
+        let Some(positions) = find(Semantic::Positions) else {
+            notes.repair("primitive without positions dropped", path, 1);
+            return None;
         };
-        let accessors = doc.count("accessors")?;
-        let find = |key: &str| attributes.index(key, accessors, "accessors");
-        let Some(positions) = find("POSITION")? else {
-            notes.repair("primitive without positions dropped", &primitive.path, 1);
-            return Ok(None);
-        };
-        let uvs = match uv_set {
-            Some(set) => find(&format!("TEXCOORD_{set}"))?,
-            None => None,
-        };
+        let uvs = uv_set.and_then(|set| find(Semantic::TexCoords(set)));
         if let (Some(set), None) = (uv_set, uvs) {
-            notes.repair(&format!("no TEXCOORD_{set}: the texture is read at (0, 0)"), &primitive.path, 1);
+            notes.repair(&format!("no TEXCOORD_{set}: the texture is read at (0, 0)"), path, 1);
         }
-        if attributes.get("COLOR_0").is_some() {
-            notes.unmodelled("COLOR_0", &primitive.path, "the vertices' colours are left out");
+        if find(Semantic::Colors(0)).is_some() {
+            notes.unmodelled("COLOR_0", path, "the vertices' colours are left out");
         }
-        if !primitive.array("targets")?.is_empty() {
-            notes.unmodelled("morph targets", &primitive.path, "the base shape is drawn");
+        if primitive.morph_targets().len() > 0 {
+            notes.unmodelled("morph targets", path, "the base shape is drawn");
         }
-        Ok(Some(Self {
-            positions,
-            normals: find("NORMAL")?,
-            uvs,
-            indices: primitive.index("indices", accessors, "accessors")?,
-            shape,
-        }))
+        let indices = primitive.indices().map(|accessor| accessor.index());
+        Some(Self { positions, normals: find(Semantic::Normals), uvs, indices, shape })
     }
 
     /// Reads and cleans the mesh; `None` where no triangle is left (noted).
@@ -88,14 +77,16 @@ impl Sources {
         path: &str,
         notes: &mut Notes,
     ) -> Result<Option<Mesh>> {
-        let positions = accessor::vectors::<3>(doc, self.positions, Kind::Vector, notes)?;
+        let at = |index: Option<usize>| index.and_then(|index| doc.gltf.accessors().nth(index));
+        let Some(positions) = at(Some(self.positions)) else { return Ok(None) };
+        let positions = accessor::vectors::<3>(doc, &positions, Kind::Vector, notes)?;
         let vertices = positions.len();
-        let normals = match self.normals {
-            Some(index) => Some(accessor::vectors::<3>(doc, index, Kind::Vector, notes)?),
+        let normals = match at(self.normals) {
+            Some(accessor) => Some(accessor::vectors::<3>(doc, &accessor, Kind::Vector, notes)?),
             None => None,
         };
-        let uvs = match self.uvs {
-            Some(index) => Some(accessor::vectors::<2>(doc, index, Kind::Uv, notes)?),
+        let uvs = match at(self.uvs) {
+            Some(accessor) => Some(accessor::vectors::<2>(doc, &accessor, Kind::Uv, notes)?),
             None => None,
         };
         let counts = [("NORMAL", normals.as_ref().map(Vec::len)), ("TEXCOORD", uvs.as_ref().map(Vec::len))];
@@ -108,8 +99,8 @@ impl Sources {
                 ));
             }
         }
-        let indices = match self.indices {
-            Some(index) => accessor::indices(doc, index, vertices, notes)?,
+        let indices = match at(self.indices) {
+            Some(accessor) => accessor::indices(doc, &accessor, vertices, notes)?,
             None => {
                 doc.budget.charge(vertices as u64, 4, path)?;
                 let count = u32::try_from(vertices)

@@ -2,10 +2,10 @@
 
 use std::collections::HashMap;
 
+use gltf::texture::{Info, MagFilter, Sampler, TextureTransform, WrappingMode};
+
 use super::document::Document;
-use super::extensions;
-use super::json::Element;
-use crate::error::Result;
+use crate::error::{REEXPORT, Result, invalid};
 use crate::images::Images;
 use crate::notes::Notes;
 use crate::scene::{TextureRef, Wrap};
@@ -20,7 +20,7 @@ pub(crate) struct Textures {
 pub(crate) struct Slot {
     pub(crate) texture: TextureRef,
     /// Which TEXCOORD_n it reads.
-    pub(crate) uv_set: u64,
+    pub(crate) uv_set: u32,
 }
 
 impl Textures {
@@ -28,99 +28,83 @@ impl Textures {
         Self { images, by_image: HashMap::new() }
     }
 
-    /// The slot that a `textureInfo` object describes; `None` where there is no image that we read (noted).
-    pub(crate) fn slot<'a>(
+    /// The slot that the `textureInfo` object at `path` describes; `None` where there is no image that we read (noted).
+    pub(crate) fn slot(
         &mut self,
-        doc: &Document<'a>,
-        info: &Element<'a>,
+        doc: &Document<'_>,
+        info: &Info<'_>,
+        path: &str,
         notes: &mut Notes,
     ) -> Result<Option<Slot>> {
-        let Some((_, texture)) = doc.follow(info, "index", "textures")? else {
-            return Err(info.wrong("index", "this is missing"));
-        };
-        extensions::note_unknown(info, &["KHR_texture_transform"], notes)?;
-        extensions::note_unknown(&texture, &[], notes)?;
-        let Some((index, image)) = doc.follow(&texture, "source", "images")? else {
+        let texture = info.texture();
+        let texture_path = format!("textures[{}]", texture.index());
+        doc.note_unknown(path, None, &["KHR_texture_transform"], notes);
+        doc.note_unknown(&texture_path, texture.name(), &[], notes);
+        let Some(image) = texture.source() else {
             // Usual with formats that come by extension, which is named above.
-            notes.repair("texture without an image left out", &texture.path, 1);
+            notes.repair("texture without an image left out", &texture_path, 1);
             return Ok(None);
         };
-        let texture_index = match self.by_image.get(&index) {
+        let texture_index = match self.by_image.get(&image.index()) {
             Some(known) => *known,
             None => {
-                let new = self.decode(doc, index, &image, notes)?;
-                self.by_image.insert(index, new);
+                let new = self.decode(doc, image.index(), notes)?;
+                self.by_image.insert(image.index(), new);
                 new
             }
         };
-        let (wrap, nearest) = sampler(doc, &texture)?;
-        let mut uv_set = info.integer("texCoord")?.unwrap_or(0);
+        let (wrap, nearest) = sampler(&texture.sampler());
+        let mut uv_set = info.tex_coord();
         let mut transform = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        if let Some(extension) = info.extension("KHR_texture_transform")? {
-            uv_set = extension.integer("texCoord")?.unwrap_or(uv_set);
-            transform = matrix(&extension)?;
+        if let Some(extension) = info.texture_transform() {
+            uv_set = extension.tex_coord().unwrap_or(uv_set);
+            transform = matrix(&extension, path)?;
         }
         Ok(Some(Slot { texture: TextureRef { texture: texture_index, wrap, nearest, transform }, uv_set }))
     }
 
-    fn decode<'a>(
-        &mut self,
-        doc: &Document<'a>,
-        index: usize,
-        image: &Element<'a>,
-        notes: &mut Notes,
-    ) -> Result<u32> {
-        let uri = image.string("uri")?;
-        let name = match (image.string("name")?, uri) {
+    /// `gltf::Image::source` panics on images with neither URI nor view, so the JSON type is asked.
+    fn decode(&mut self, doc: &Document<'_>, index: usize, notes: &mut Notes) -> Result<u32> {
+        let path = format!("images[{index}]");
+        let neither = || invalid(path.as_str(), "the image has neither a uri nor a bufferView", REEXPORT);
+        let image = doc.gltf.as_json().images.get(index).ok_or_else(neither)?;
+        let name = match (image.name.as_deref(), image.uri.as_deref()) {
             (Some(name), _) if !name.is_empty() => name.to_owned(),
             (_, Some(uri)) if !crate::uri::is_data(uri) => uri.to_owned(),
             _ => format!("image {index}"),
         };
-        if let Some(uri) = uri {
-            let path = image.path_of("uri");
+        if let Some(uri) = &image.uri {
+            let path = format!("{path}.uri");
             let encoded = doc.fetch(uri, &path)?;
             return self.images.add(&encoded, &name, &path, doc.budget, notes);
         }
-        match doc.view(image, "bufferView")? {
-            Some(view) => self.images.add(view.bytes, &name, &image.path, doc.budget, notes),
-            None => Err(image.wrong_here("the image has neither a uri nor a bufferView")),
-        }
+        let view = image.buffer_view.and_then(|view| doc.gltf.views().nth(view.value()));
+        self.images.add(doc.view(&view.ok_or_else(neither)?)?, &name, &path, doc.budget, notes)
     }
 }
 
 /// Wrap modes, and whether texels are not blended.
-fn sampler<'a>(doc: &Document<'a>, texture: &Element<'a>) -> Result<([Wrap; 2], bool)> {
-    let Some((_, sampler)) = doc.follow(texture, "sampler", "samplers")? else {
-        return Ok(([Wrap::Repeat; 2], false));
-    };
-    let wrap = |key: &str| match sampler.integer(key)? {
-        None | Some(10497) => Ok(Wrap::Repeat),
-        Some(33071) => Ok(Wrap::Clamp),
-        Some(33648) => Ok(Wrap::Mirror),
-        Some(other) => Err(sampler.wrong(key, format!("{other} is not a wrap mode (10497, 33071 or 33648)"))),
-    };
-    let nearest = match sampler.integer("magFilter")? {
-        None | Some(9729) => false,
-        Some(9728) => true,
-        Some(other) => {
-            return Err(sampler.wrong("magFilter", format!("{other} is not a filter (9728 or 9729)")));
-        }
-    };
-    Ok(([wrap("wrapS")?, wrap("wrapT")?], nearest))
+fn sampler(sampler: &Sampler<'_>) -> ([Wrap; 2], bool) {
+    let wrap = [sampler.wrap_s(), sampler.wrap_t()].map(|mode| match mode {
+        WrappingMode::Repeat => Wrap::Repeat,
+        WrappingMode::ClampToEdge => Wrap::Clamp,
+        WrappingMode::MirroredRepeat => Wrap::Mirror,
+    });
+    (wrap, sampler.mag_filter() == Some(MagFilter::Nearest))
 }
 
 /// The rows of KHR_texture_transform's matrix: scale, then rotate, then move.
 ///
 /// The sense of the rotation is that of the extension's worked example (a rotation of π/2, scale ½ and offset (0, 1) cover
 /// the lower left quadrant of the image), which viewers follow too.
-fn matrix(extension: &Element<'_>) -> Result<[[f32; 3]; 2]> {
-    let [tx, ty] = extension.numbers::<2>("offset")?.unwrap_or([0.0; 2]);
-    let [sx, sy] = extension.numbers::<2>("scale")?.unwrap_or([1.0; 2]);
-    let (s, c) = libm::sincos(extension.number("rotation")?.unwrap_or(0.0));
+fn matrix(extension: &TextureTransform<'_>, path: &str) -> Result<[[f32; 3]; 2]> {
+    let [tx, ty] = extension.offset().map(f64::from);
+    let [sx, sy] = extension.scale().map(f64::from);
+    let (s, c) = libm::sincos(f64::from(extension.rotation()));
     let matrix = [[c * sx, s * sy, tx], [-s * sx, c * sy, ty]].map(|row| row.map(|n| n as f32));
     if matrix.iter().flatten().all(|n| n.is_finite()) {
         Ok(matrix)
     } else {
-        Err(extension.wrong_here("a number is too large"))
+        Err(invalid(format!("{path}.extensions.KHR_texture_transform"), "a number is too large", REEXPORT))
     }
 }

@@ -79,27 +79,28 @@ pub(super) fn build(
         let element = format!("{} line {line} \"{name}\"", mtl.file.display());
         notes.unmodelled(feature, &element, effect);
     }
+    let stated = &mtl.stated;
     // A texture alone is shown as it is.
-    let color = |stated: Option<[f32; 3]>, texture: Option<TextureRef>, absent: f32| Color {
-        factor: stated.unwrap_or(if texture.is_some() { [1.0; 3] } else { [absent; 3] }),
+    let color = |factor: Option<[f32; 3]>, texture: Option<TextureRef>, absent: f32| Color {
+        factor: factor.unwrap_or(if texture.is_some() { [1.0; 3] } else { [absent; 3] }),
         texture,
     };
-    let diffuse = color(mtl.kd, textures.read(mtl.map_kd.as_ref(), &mtl.file, notes)?, 0.8);
-    let mut emission = color(mtl.ke, textures.read(mtl.map_ke.as_ref(), &mtl.file, notes)?, 0.0);
+    let diffuse = color(stated.diffuse, textures.read(mtl.map_kd.as_ref(), &mtl.file, notes)?, 0.8);
+    let mut emission = color(stated.emissive, textures.read(mtl.map_ke.as_ref(), &mtl.file, notes)?, 0.0);
     if emission.factor == [0.0; 3] {
         emission.texture = None;
     }
-    let specular = mtl.ks.unwrap_or([0.0; 3]);
-    let bsdf = if matches!(mtl.illum, Some(3 | 5)) {
+    let specular = stated.specular.unwrap_or([0.0; 3]);
+    let bsdf = if matches!(stated.illumination_model, Some(3 | 5)) {
         Bsdf::Mirror { reflectance: Color::constant(specular) }
     } else if specular == [0.0; 3] {
         Bsdf::Matte { reflectance: diffuse }
     } else {
         // alpha = roughness²; sqrt is exactly rounded, so every machine agrees.
-        let alpha = (2.0 / (f64::from(mtl.ns) + 2.0)).sqrt();
+        let alpha = (2.0 / (f64::from(stated.shininess.unwrap_or(0.0)) + 2.0)).sqrt();
         Bsdf::Substrate { diffuse, specular, roughness: Scalar::constant(alpha.sqrt() as f32) }
     };
-    let mut alpha = Scalar::constant(mtl.opacity.unwrap_or(1.0));
+    let mut alpha = Scalar::constant(stated.dissolve.unwrap_or(1.0));
     if let Some(texture) = textures.read(mtl.map_d.as_ref(), &mtl.file, notes)? {
         // Opacity maps are grey pictures, or pictures with an alpha channel.
         let channel = if textures.images.is_solid(texture.texture) { Channel::R } else { Channel::A };

@@ -1,22 +1,26 @@
 //! Wavefront OBJ and MTL to a [`Scene`].
 //!
-//! The parser is our own: one pass gives both the checks that name a line and the triangles, and faces with and without
-//! normals or texture coordinates may be mixed.
+//! `tobj` parses numbers and materials, and makes one vertex of equal corners. What is ours, and why: the pass before it
+//! (`check`), which names lines and mends what `tobj` stumbles over; reading MTL files and their textures inside one folder
+//! under limits; options of texture statements, which `tobj` takes for part of the name; splitting polygons (`polygon`),
+//! since `tobj` makes fans of concave ones too.
 
+mod check;
 mod material;
 mod mtl;
-mod parse;
+mod polygon;
 mod text;
 
 use std::collections::HashMap;
 use std::path::Path;
 
+use check::{Group, NONE, Parsed};
 use material::Textures;
 use mtl::Mtl;
-use parse::{Corner, Group, NONE, Parsed};
+use polygon::Splitter;
 
 use crate::budget::Budget;
-use crate::error::Result;
+use crate::error::{REEXPORT, Result, invalid};
 use crate::files::{self, Folder, Refusal};
 use crate::geometry;
 use crate::notes::{Names, Notes};
@@ -35,14 +39,14 @@ pub(crate) fn load(
     budget: &Budget,
 ) -> Result<Scene> {
     let mut notes = Notes::default();
-    let mut parsed = parse::parse(bytes, stem, budget, &mut notes)?;
+    let mut parsed = check::check(bytes, stem, budget, &mut notes)?;
     let library = read_libraries(&parsed, folder, options, budget, &mut notes)?;
     let mut textures = Textures::new(folder, options, budget);
     let mut scene = Scene::default();
     let mut materials: HashMap<Option<usize>, u32> = HashMap::new();
     let mut material_names = Names::default();
-    let mut objects: HashMap<usize, u32> = HashMap::new();
-    for group in std::mem::take(&mut parsed.groups) {
+    let mut used = Vec::new();
+    for group in &parsed.groups {
         let material = match materials.get(&group.material) {
             Some(known) => *known,
             None => {
@@ -55,9 +59,16 @@ pub(crate) fn load(
                 index
             }
         };
+        used.push(material);
+    }
+    let is_textured = |index: &u32| scene.materials.get(*index as usize).is_some_and(material::is_textured);
+    let textured: Vec<bool> = used.iter().map(is_textured).collect();
+    let models = parse(&parsed.restate(&textured, budget)?)?;
+    let mut splitter = Splitter::new();
+    let mut objects: HashMap<usize, u32> = HashMap::new();
+    for ((model, group), material) in models.into_iter().zip(&parsed.groups).zip(used) {
         let name = parsed.objects.get(group.object).cloned().unwrap_or_default();
-        let textured = scene.materials.get(material as usize).is_some_and(material::is_textured);
-        let mesh = build_mesh(&parsed, &group, name.clone(), textured, budget, &mut notes)?;
+        let mesh = build_mesh(model.mesh, group, name.clone(), &mut splitter, budget, &mut notes)?;
         if mesh.triangles.is_empty() {
             continue;
         }
@@ -101,8 +112,8 @@ fn read_libraries(
                 }
             };
             let bytes = files::read(&path, options.max_file_bytes, budget, &element)?;
-            // A material takes a few hundred bytes for some ten bytes of text.
-            budget.charge(bytes.len() as u64, 64, &element)?;
+            // A material takes about a thousand bytes, twice for a moment, for some ten bytes of text.
+            budget.charge(bytes.len() as u64, 256, &element)?;
             let name = name.replace('\\', "/");
             mtl::parse(&bytes, Path::new(&name), &mut library, notes)
                 .map_err(|error| error.in_file(Path::new(&name)))?;
@@ -135,52 +146,55 @@ fn find_material(
     }
 }
 
-/// One vertex for each distinct corner.
+/// The models of a restated file, one for each group. It names no materials and no libraries.
+fn parse(text: &str) -> Result<Vec<tobj::Model>> {
+    let options = tobj::LoadOptions {
+        single_index: true,
+        ignore_points: true,
+        ignore_lines: true,
+        ..Default::default()
+    };
+    let parsed = tobj::load_obj_buf(&mut text.as_bytes(), &options, |_| Err(tobj::LoadError::OpenFileFailed));
+    parsed.map(|(models, _)| models).map_err(refused)
+}
+
+/// Not expected after our checks.
+fn refused(error: tobj::LoadError) -> crate::LoadError {
+    invalid("the file as a whole", format!("the parser refuses it ({error})"), REEXPORT)
+}
+
+/// The mesh of a model. It has texture coordinates where its material needs them.
 fn build_mesh(
-    parsed: &Parsed,
+    model: tobj::Mesh,
     group: &Group,
     name: String,
-    textured: bool,
+    splitter: &mut Splitter,
     budget: &Budget,
     notes: &mut Notes,
 ) -> Result<Mesh> {
-    // The clean-up's sums included.
-    const VERTEX: u64 = 160;
-    budget.charge(group.triangles.len() as u64, 12, &name)?;
-    let mut mesh = Mesh { name, triangles: Vec::with_capacity(group.triangles.len()), ..Mesh::default() };
-    let mut normals = Vec::new();
-    let mut uvs = Vec::new();
-    let mut known: HashMap<Corner, u32> = HashMap::new();
-    let mut without_uv = 0;
-    for triangle in &group.triangles {
-        let mut indices = [0; 3];
-        for (index, corner) in indices.iter_mut().zip(triangle) {
-            let [position, uv, normal] = *corner;
-            // What the mesh does not keep must not split vertices.
-            let key =
-                [position, if textured { uv } else { NONE }, if group.has_normals { normal } else { NONE }];
-            if let Some(vertex) = known.get(&key) {
-                *index = *vertex;
-                continue;
-            }
-            budget.charge(1, VERTEX, &mesh.name)?;
-            // At most as many as corners, whose memory was granted.
-            *index = mesh.positions.len() as u32;
-            known.insert(key, *index);
-            mesh.positions.push(parsed.positions.get(position as usize).copied().unwrap_or_default());
-            if group.has_normals {
-                normals.push(parsed.normals.get(normal as usize).copied().unwrap_or_default());
-            }
-            if textured {
-                without_uv += u64::from(uv == NONE);
-                uvs.push(parsed.uvs.get(uv as usize).copied().unwrap_or_default());
-            }
-        }
-        mesh.triangles.push(indices);
+    let positions = model.positions.as_chunks::<3>().0.to_vec();
+    // What is copied here, and the clean-up's sums.
+    budget.charge(positions.len() as u64, 80, &name)?;
+    let triangles: usize = group.arities.iter().map(|arity| arity - 2).sum();
+    budget.charge(triangles as u64, 2 * 12, &name)?;
+    let mut triangles = Vec::with_capacity(triangles);
+    let mut rest = model.indices.as_slice();
+    for arity in &group.arities {
+        let Some((polygon, after)) = rest.split_at_checked(*arity) else { break };
+        splitter.split(polygon, &positions, &mut triangles);
+        rest = after;
     }
-    notes.repair("corners without texture coordinates set to (0, 0)", &mesh.name, without_uv);
-    mesh.normals = group.has_normals.then_some(normals);
-    mesh.uvs = textured.then_some(uvs);
-    let element = mesh.name.clone();
-    Ok(geometry::clean(mesh, &element, notes))
+    let fans = std::mem::take(&mut splitter.fans);
+    notes.repair("concave polygon split as a fan", &name, fans);
+    // OBJ counts from the lower edge of the image, the scene from the upper.
+    let flipped = |uv: &[f32; 2]| [uv[0], 1.0 - uv[1]];
+    let uvs: Option<Vec<_>> = (!model.texcoords.is_empty())
+        .then(|| model.texcoords.as_chunks::<2>().0.iter().map(flipped).collect());
+    if uvs.is_some() {
+        let without = group.corners.iter().filter(|[_, uv, _]| *uv == NONE).count();
+        notes.repair("corners without texture coordinates set to (0, 0)", &name, without as u64);
+    }
+    let normals = group.has_normals.then(|| model.normals.as_chunks::<3>().0.to_vec());
+    let element = name.clone();
+    Ok(geometry::clean(Mesh { name, positions, normals, uvs, triangles }, &element, notes))
 }

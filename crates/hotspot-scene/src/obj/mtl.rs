@@ -2,9 +2,13 @@
 //!
 //! Kd and Ks become matte or substrate, illumination models 3 and 5 a mirror, Ns a GGX roughness with
 //! alpha = roughness² = sqrt(2 / (Ns + 2)), Ke emitted radiance from both sides (OBJ does not say which is the front).
+//!
+//! `tobj` parses a copy in which every number is finite and in range, and every colour has its three numbers: it panics on
+//! fewer. Texture statements with their options are read here.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use super::text::{Statement, Statements};
@@ -18,14 +22,8 @@ pub(super) struct Mtl {
     /// The file, as the OBJ names it.
     pub(super) file: PathBuf,
     pub(super) line: usize,
-    pub(super) kd: Option<[f32; 3]>,
-    pub(super) ks: Option<[f32; 3]>,
-    pub(super) ke: Option<[f32; 3]>,
-    /// Blinn–Phong exponent, at least 0.
-    pub(super) ns: f32,
-    pub(super) illum: Option<u32>,
-    /// Share of the surface that is there, 0..1.
-    pub(super) opacity: Option<f32>,
+    /// Colours and numbers, all of them finite and in range.
+    pub(super) stated: tobj::Material,
     pub(super) map_kd: Option<Map>,
     pub(super) map_ke: Option<Map>,
     pub(super) map_d: Option<Map>,
@@ -51,9 +49,23 @@ pub(super) fn parse(
     notes: &mut Notes,
 ) -> Result<()> {
     let mut statements = Statements::new(bytes);
-    let mut current: Option<(String, Mtl)> = None;
-    let mut keep = |entry: Option<(String, Mtl)>, notes: &mut Notes| {
-        let Some((name, mtl)) = entry else { return };
+    let mut found: Vec<(String, Mtl)> = Vec::new();
+    let mut text = String::new();
+    while let Some(statement) = statements.next()? {
+        if statement.keyword() == "newmtl" {
+            let mtl = Mtl { file: file.into(), line: statement.line, ..Mtl::default() };
+            found.push((statement.rest().to_owned(), mtl));
+            text.push_str("newmtl x\n");
+        } else if let Some((_, mtl)) = found.last_mut() {
+            mtl.statement(&statement, &mut text, notes)?;
+        } else {
+            let element = format!("{} line {}", file.display(), statement.line);
+            notes.repair("statement before the first newmtl ignored", &element, 1);
+        }
+    }
+    let (stated, _) = tobj::load_mtl_buf(&mut text.as_bytes()).map_err(super::refused)?;
+    for ((name, mut mtl), stated) in found.into_iter().zip(stated) {
+        mtl.stated = stated;
         match out.entry(name) {
             Entry::Vacant(free) => {
                 free.insert(mtl);
@@ -63,41 +75,34 @@ pub(super) fn parse(
                 notes.repair("second definition of a material ignored", &element, 1);
             }
         }
-    };
-    while let Some(statement) = statements.next()? {
-        if statement.keyword() == "newmtl" {
-            let mtl = Mtl { file: file.into(), line: statement.line, ..Mtl::default() };
-            keep(current.replace((statement.rest().to_owned(), mtl)), notes);
-        } else if let Some((_, mtl)) = &mut current {
-            mtl.statement(&statement, notes)?;
-        } else {
-            let element = format!("{} line {}", file.display(), statement.line);
-            notes.repair("statement before the first newmtl ignored", &element, 1);
-        }
     }
-    keep(current, notes);
     Ok(())
 }
 
 impl Mtl {
-    fn statement(&mut self, statement: &Statement<'_>, notes: &mut Notes) -> Result<()> {
+    /// Reads a statement, or copies it for `tobj`.
+    fn statement(&mut self, statement: &Statement<'_>, text: &mut String, notes: &mut Notes) -> Result<()> {
         let mut ignore = |effect| self.unmodelled.push((statement.keyword().into(), statement.line, effect));
+        let mut state = |keyword: &str, number: f32| {
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "{keyword} {number}");
+        };
         match statement.keyword() {
-            "Kd" => self.kd = self.color(statement, 1.0, notes)?,
-            "Ks" => self.ks = self.color(statement, 1.0, notes)?,
-            "Ke" => self.ke = self.color(statement, f32::MAX, notes)?,
-            "Ns" => self.ns = self.within(statement, finite(statement)?, f32::MAX, notes),
+            "Kd" | "Ks" => self.color(statement, 1.0, text, notes)?,
+            "Ke" => self.color(statement, f32::MAX, text, notes)?,
+            "Ns" => state("Ns", self.within(statement, finite(statement)?, f32::MAX, notes)),
             "d" => {
                 let halo = statement.words().next() == Some("-halo");
                 let word = statement.words().nth(usize::from(halo)).unwrap_or_default();
                 let value = number(statement, word)?;
-                self.opacity = Some(self.within(statement, value, 1.0, notes));
+                state("d", self.within(statement, value, 1.0, notes));
             }
-            "Tr" => self.opacity = Some(1.0 - self.within(statement, finite(statement)?, 1.0, notes)),
+            "Tr" => state("d", 1.0 - self.within(statement, finite(statement)?, 1.0, notes)),
             "illum" => {
                 let model = finite(statement)?;
-                self.illum = Some(model.clamp(0.0, 100.0) as u32);
-                if matches!(self.illum, Some(4 | 6 | 7 | 9)) {
+                let known = model.clamp(0.0, 100.0).trunc();
+                state("illum", known);
+                if [4.0, 6.0, 7.0, 9.0].contains(&known) {
                     self.unmodelled.push((
                         format!("illum {model}"),
                         statement.line,
@@ -124,18 +129,28 @@ impl Mtl {
         Ok(())
     }
 
-    /// `r g b`, or `r` for all three; in 0..`most`.
-    fn color(&mut self, statement: &Statement<'_>, most: f32, notes: &mut Notes) -> Result<Option<[f32; 3]>> {
-        if matches!(statement.words().next(), Some("spectral" | "xyz")) {
-            let keyword = format!("{} {}", statement.keyword(), statement.words().next().unwrap_or_default());
+    /// Copies `r g b`, or `r` for all three; in 0..`most`.
+    fn color(
+        &mut self,
+        statement: &Statement<'_>,
+        most: f32,
+        text: &mut String,
+        notes: &mut Notes,
+    ) -> Result<()> {
+        let keyword = statement.keyword();
+        if let Some(kind @ ("spectral" | "xyz")) = statement.words().next() {
+            let keyword = format!("{keyword} {kind}");
             self.unmodelled.push((keyword, statement.line, "ignored: only RGB is read"));
-            return Ok(None);
+            return Ok(());
         }
         let mut color = [finite(statement)?; 3];
         for (channel, word) in color.iter_mut().zip(statement.words()) {
             *channel = number(statement, word)?;
         }
-        Ok(Some(color.map(|c| self.within(statement, c, most, notes))))
+        let [r, g, b] = color.map(|c| self.within(statement, c, most, notes));
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{keyword} {r} {g} {b}");
+        Ok(())
     }
 
     /// Clamps to 0..`most`, and notes it.

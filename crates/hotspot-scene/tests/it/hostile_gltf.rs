@@ -205,6 +205,94 @@ const REFUSED: &[Case] = &[
     ),
 ];
 
+/// Beyond 32 bits, where the schema's types would cut the number off.
+const CUT_OFF: &[Case] = &[
+    ("mesh 2^32", |j| j["nodes"][0]["mesh"] = (1u64 << 32).into(), &["nodes[0].mesh", "4294967296"]),
+    ("child 2^32 + 1", |j| j["nodes"][0]["children"] = json!([(1u64 << 32) + 1]), &["nodes[0].children[0]"]),
+    (
+        "position 2^32",
+        |j| j["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = (1u64 << 32).into(),
+        &["primitives[0].attributes.POSITION"],
+    ),
+    (
+        "component 2^32 + 5126",
+        |j| j["accessors"][0]["componentType"] = ((1u64 << 32) + 5126).into(),
+        &["accessors[0].componentType"],
+    ),
+    (
+        "mode 2^32 + 4",
+        |j| j["meshes"][0]["primitives"][0]["mode"] = ((1u64 << 32) + 4).into(),
+        &["primitives[0].mode"],
+    ),
+    (
+        "position out of range",
+        |j| j["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 4.into(),
+        &["primitives[0].attributes.POSITION", "4 accessors"],
+    ),
+    (
+        "normal out of range",
+        |j| j["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = 4.into(),
+        &["primitives[0].attributes"],
+    ),
+    (
+        "camera without its lens",
+        |j| {
+            j["nodes"][0]["camera"] = 0.into();
+            j["cameras"] = json!([{"type": "perspective", "orthographic": {"xmag": 1, "ymag": 1}}]);
+        },
+        &["cameras[0].type"],
+    ),
+];
+
+#[test]
+fn indices_are_neither_cut_off_nor_followed_out_of_range() {
+    for (case, change, parts) in CUT_OFF {
+        assert_refused(load_changed(|json, _| change(json)), case, "test.glb", parts);
+    }
+}
+
+#[test]
+fn what_the_schema_is_strict_about_and_others_accept_loads() {
+    let scene = load_changed(|json, _| {
+        json["accessors"][0]["count"] = 4.0.into();
+        json["accessors"][3]["componentType"] = 5123.0.into();
+        json["accessors"][0]["min"] = json!(["x"]);
+        json["accessors"][0]["extras"] = json!([1e300, {"a": null}]);
+        json["nodes"][0]["mesh"] = 0.0.into();
+        json["nodes"][0]["rotation"] = Value::Null;
+        json["nodes"][0]["extras"] = 7.into();
+        json["meshes"][0]["primitives"][0]["targets"] = Value::Null;
+        json["meshes"][0]["primitives"][0]["attributes"]["_HEAT"] = 2.into();
+        json["meshes"][0]["primitives"][0]["attributes"]["heat"] = 2.into();
+        push(&mut json["meshes"], json!({}));
+        push(&mut json["scenes"], json!({}));
+        json["cameras"] =
+            json!([{"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "zfar": 1e10}}]);
+        json["nodes"][0]["camera"] = 0.into();
+        json["animations"] = json!([7]);
+    })
+    .unwrap();
+    check(&scene);
+    assert_eq!((scene.instances.len(), scene.cameras.len(), scene.repairs.len()), (1, 1, 0));
+}
+
+#[test]
+fn sparse_places_need_not_be_sorted() {
+    let scene = load_changed(|json, bin| {
+        let start = bin.len();
+        bin.extend([3, 1, 2, 0]);
+        bin.extend(floats(&[3.0, 9.0, 9.0, 1.0, 9.0, 9.0, 2.0, 9.0, 9.0]));
+        push(&mut json["bufferViews"], json!({"buffer": 0, "byteOffset": start, "byteLength": 3}));
+        push(&mut json["bufferViews"], json!({"buffer": 0, "byteOffset": start + 4, "byteLength": 36}));
+        json["accessors"][0]["sparse"] = json!({"count": 3,
+            "indices": {"bufferView": 4, "componentType": 5121}, "values": {"bufferView": 5}});
+        json["buffers"][0]["byteLength"] = bin.len().into();
+    })
+    .unwrap();
+    let x: Vec<f32> = scene.meshes[0].positions.iter().map(|p| p[0]).collect();
+    assert_eq!(x, [0.0, 1.0, 2.0, 3.0]);
+}
+
 #[test]
 fn malformed_files_are_refused_by_name() {
     for (case, change, parts) in REFUSED {

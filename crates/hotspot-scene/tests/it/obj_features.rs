@@ -66,6 +66,69 @@ fn faces_with_and_without_normals_mix() {
 }
 
 #[test]
+fn faces_with_and_without_texture_coordinates_mix_in_one_group() {
+    let faces =
+        "f 1/1 2/2 3/3\nf 1 3 4\nf 1/1 3 4/4\nf 1/1/1 3/3/1 4//1\nf 1//1 3/3/1 4/4/1\nf 2/2 3/3 4/4\n";
+    let text = format!("mtllib m.mtl\n{CORNERS}o A\nusemtl m\n{faces}");
+    let picture = png(&[[1; 4]; 4]);
+    let mtl = b"newmtl m\nmap_Kd t.png\n";
+    let scene = load_files(&[("a.obj", text.as_bytes()), ("m.mtl", mtl), ("t.png", &picture)]).unwrap();
+    check(&scene);
+    // Flat and smooth faces are two meshes of one object.
+    assert_eq!((scene.objects.len(), scene.materials.len()), (1, 1));
+    let shape: Vec<_> = scene.meshes.iter().map(|m| (m.normals.is_some(), m.triangles.len())).collect();
+    assert_eq!(shape, [(false, 4), (true, 2)]);
+    assert_eq!(repaired(&scene, "corners without texture coordinates"), 4 + 2);
+    let mut seen = 0;
+    for mesh in &scene.meshes {
+        for (position, uv) in mesh.positions.iter().zip(mesh.uvs.as_ref().unwrap()) {
+            // Every corner states its own position, or nothing.
+            assert!(*uv == [position[0], 1.0 - position[1]] || *uv == [0.0; 2], "{position:?} {uv:?}");
+            seen += usize::from(*uv != [0.0; 2]);
+        }
+    }
+    assert!(seen >= 4);
+    // Without the texture, corners that differ in texture coordinates alone are one vertex.
+    let plain = obj("f 1/1 2/2 3/3\nf 1/2 3/3 4/4\n");
+    assert_eq!((plain.meshes[0].positions.len(), plain.meshes[0].uvs.is_none()), (4, true));
+}
+
+#[test]
+fn faces_may_come_before_their_vertices_in_any_group() {
+    let text = "o A\nf 1 2 3\no B\nf 2 3 4\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 1\n";
+    let scene = load_files(&[("a.obj", text.as_bytes())]).unwrap();
+    check(&scene);
+    assert_eq!(scene.objects.len(), 2);
+    assert_eq!(scene.meshes[1].positions[2], [1.0; 3]);
+}
+
+#[test]
+fn numbers_after_a_position_do_no_harm() {
+    let scene = obj("v 2 0 0 0\nv 2 1 0 0.5\nv 3 1 0 1 1\nv 3 0 0 1 1 1\nv 4 0 0 1 1 1 1 1 1\nf 5 8 7 6\n");
+    assert_eq!(scene.meshes[0].positions.len(), 4);
+    assert_eq!(scene.meshes[0].positions[3], [2.0, 1.0, 0.0]);
+}
+
+#[test]
+fn concave_polygons_are_clipped() {
+    // An L of area 3, once either way round; a fan around the last corner would leave it.
+    let text = "v 0 0 5\nv 2 0 5\nv 2 1 5\nv 1 1 5\nv 1 2 5\nv 0 2 5\nf 6 7 8 9 10 5\nf 10 9 8 7 6 5\n";
+    let scene = obj(text);
+    let mesh = &scene.meshes[0];
+    let area = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
+        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    };
+    let areas: Vec<f32> = mesh.triangles.iter().map(area).collect();
+    let sum = |sign: f32| areas.iter().filter(|a| **a * sign > 0.0).sum::<f32>() / 2.0;
+    assert_eq!((areas.len(), sum(1.0), sum(-1.0)), (8, 3.0, -3.0));
+    assert_eq!(repaired(&scene, "concave"), 0);
+    // Crossing itself.
+    let bow = obj("v 0 0 0\nv 2 2 0\nv 2 0 0\nv 0 1 0\nf 5 6 7 8\n");
+    assert_eq!(repaired(&bow, "concave polygon split as a fan"), 1);
+}
+
+#[test]
 fn broken_faces_are_refused_with_their_line() {
     refused("f 1 2 5\n", &["line 10", "index 5 is out of range", "4 positions"]);
     refused("f 1 2 0\n", &["line 10", "index 0"]);

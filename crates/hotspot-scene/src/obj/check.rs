@@ -1,6 +1,12 @@
-//! OBJ statements to vertex lists and groups of triangles.
+//! The pass before `tobj`: checks every statement, with its line at hand, and states the file again as `tobj` survives it.
+//!
+//! `tobj` names no line in its errors, lets vertices only be used after their statement once a group ends, keeps one
+//! object per run of faces, misplaces texture coordinates and normals where some corners have none, takes a fourth number
+//! for a weight, and refuses colours of other than three numbers. The copy has all vertices first, then each group of
+//! object and material once, all indices positive, and the same parts at each corner of a group.
 
 use std::collections::HashMap;
+use std::fmt::Write;
 
 use super::text::{Statement, Statements};
 use crate::budget::Budget;
@@ -13,7 +19,7 @@ pub(super) const NONE: u32 = u32::MAX;
 /// Indices of position, texture coordinate and normal; the last two may be [`NONE`].
 pub(super) type Corner = [u32; 3];
 
-/// Triangles of one object with one material.
+/// Polygons of one object with one material.
 pub(super) struct Group {
     /// Index into [`Parsed::objects`].
     pub(super) object: usize,
@@ -21,15 +27,18 @@ pub(super) struct Group {
     pub(super) material: Option<usize>,
     /// Whether every corner has a normal. Faces without are kept apart, so that they stay flat.
     pub(super) has_normals: bool,
-    pub(super) triangles: Vec<[Corner; 3]>,
+    pub(super) corners: Vec<Corner>,
+    /// Corners per polygon, at least three.
+    pub(super) arities: Vec<usize>,
 }
 
 /// An OBJ file, its indices in range.
 #[derive(Default)]
 pub(super) struct Parsed {
-    pub(super) positions: Vec<[f32; 3]>,
-    pub(super) uvs: Vec<[f32; 2]>,
-    pub(super) normals: Vec<[f32; 3]>,
+    /// All `v`, `vt` and `vn` statements; the first `vt` is ours, for corners without one.
+    vertices: String,
+    /// How many positions, texture coordinates and normals the file states.
+    counts: [usize; 3],
     pub(super) objects: Vec<String>,
     /// Names, each with the line that first used it.
     pub(super) materials: Vec<(String, usize)>,
@@ -38,10 +47,44 @@ pub(super) struct Parsed {
     pub(super) libraries: Vec<(String, usize)>,
 }
 
-/// Parses a whole file. `stem` names the object of faces that come before any `o` or `g`.
-pub(super) fn parse(bytes: &[u8], stem: &str, budget: &Budget, notes: &mut Notes) -> Result<Parsed> {
+impl Parsed {
+    /// The file as `tobj` reads it: one model per group. `textured` says which groups need texture coordinates; what a mesh
+    /// does not keep must not split its vertices.
+    pub(super) fn restate(&mut self, textured: &[bool], budget: &Budget) -> Result<String> {
+        let mut text = std::mem::take(&mut self.vertices);
+        let corners: usize = self.groups.iter().map(|group| group.corners.len()).sum();
+        // Three indices of ten digits with what parts them.
+        budget.charge(corners as u64, 36, "f")?;
+        for (group, textured) in self.groups.iter().zip(textured) {
+            text.push_str("o x\n");
+            let mut corners = group.corners.iter();
+            for arity in &group.arities {
+                text.push('f');
+                for [position, uv, normal] in corners.by_ref().take(*arity) {
+                    // Counted from 1, and our own texture coordinate comes first.
+                    let uv = if *uv == NONE { 1 } else { u64::from(*uv) + 2 };
+                    let (position, normal) = (u64::from(*position) + 1, u64::from(*normal) + 1);
+                    // Writing to a string cannot fail.
+                    let _ = match (*textured, group.has_normals) {
+                        (false, false) => write!(text, " {position}"),
+                        (true, false) => write!(text, " {position}/{uv}"),
+                        (false, true) => write!(text, " {position}//{normal}"),
+                        (true, true) => write!(text, " {position}/{uv}/{normal}"),
+                    };
+                }
+                text.push('\n');
+            }
+        }
+        Ok(text)
+    }
+}
+
+/// Checks a whole file. `stem` names the object of faces that come before any `o` or `g`.
+pub(super) fn check(bytes: &[u8], stem: &str, budget: &Budget, notes: &mut Notes) -> Result<Parsed> {
+    // The copy of the vertices, while it grows.
+    budget.charge(bytes.len() as u64, 2, "the file as a whole")?;
     let mut parser = Parser {
-        out: Parsed::default(),
+        out: Parsed { vertices: "vt 0 1\n".into(), ..Parsed::default() },
         budget,
         notes,
         object_name: stem.to_owned(),
@@ -79,27 +122,17 @@ struct Parser<'b, 'n> {
 
 impl Parser<'_, '_> {
     fn statement(&mut self, statement: &Statement<'_>) -> Result<()> {
-        let place = statement.place();
         match statement.keyword() {
             "v" => {
-                self.budget.charge(2, 12, &place)?;
-                self.out.positions.push(statement.numbers()?);
+                self.vertex::<3>(statement, 0)?;
                 if statement.words().count() > 4 {
                     self.notes.unmodelled("vertex colours", "v", "the vertices' colours are left out");
                 }
             }
-            "vt" => {
-                self.budget.charge(2, 8, &place)?;
-                // One-dimensional textures have no second coordinate.
-                let two = statement.words().nth(1).is_some();
-                let [u, v] = if two { statement.numbers()? } else { [statement.numbers::<1>()?[0], 0.0] };
-                // OBJ counts from the lower edge of the image, the scene from the upper.
-                self.out.uvs.push([u, 1.0 - v]);
-            }
-            "vn" => {
-                self.budget.charge(2, 12, &place)?;
-                self.out.normals.push(statement.numbers()?);
-            }
+            // One-dimensional textures have no second coordinate.
+            "vt" if statement.words().nth(1).is_none() => self.vertex::<1>(statement, 1)?,
+            "vt" => self.vertex::<2>(statement, 1)?,
+            "vn" => self.vertex::<3>(statement, 2)?,
             "f" | "fo" => self.face(statement)?,
             "o" | "g" => {
                 let name = statement.rest();
@@ -137,25 +170,42 @@ impl Parser<'_, '_> {
         Ok(())
     }
 
+    /// Copies a vertex statement of `N` numbers that count; `kind` as in [`Parsed::counts`].
+    fn vertex<const N: usize>(&mut self, statement: &Statement<'_>, kind: usize) -> Result<()> {
+        let numbers = statement.numbers::<N>()?;
+        self.budget.charge(2, 12, &statement.place())?;
+        let text = &mut self.out.vertices;
+        text.push_str(statement.keyword());
+        statement.words().zip(numbers).for_each(|(word, _)| text.extend([" ", word]));
+        text.push_str(if N == 1 { " 0\n" } else { "\n" });
+        if let Some(count) = self.out.counts.get_mut(kind) {
+            *count += 1;
+        }
+        Ok(())
+    }
+
     fn face(&mut self, statement: &Statement<'_>) -> Result<()> {
         let mut corners = Vec::new();
         for word in statement.words() {
             corners.push(self.corner(statement, word)?);
         }
-        let (Some((first, rest)), true) = (corners.split_first(), corners.len() >= 3) else {
+        if corners.len() < 3 {
             self.notes.repair("faces with fewer than three corners dropped", "f", 1);
             return Ok(());
-        };
+        }
         let has_normals = corners.iter().all(|corner| corner[2] != NONE);
         if let (false, Some(line)) = (has_normals, self.smoothed) {
             let place = format!("line {line}");
             self.notes.unmodelled("smoothing groups", &place, "faces without normals are flat");
         }
-        self.budget.charge(2 * rest.len() as u64, size_of::<[Corner; 3]>() as u64, &statement.place())?;
+        // Per face: how many corners, and what `tobj` holds. Per corner: ours, and there a corner, an index, an entry of a
+        // hash table and a vertex of 32 bytes; all while their vectors grow.
+        self.budget.charge(1, 2 * 112, &statement.place())?;
+        self.budget.charge(corners.len() as u64, 2 * 12 + 24 + 2 * 4 + 75 + 2 * 32, &statement.place())?;
         let group = self.group(has_normals);
         if let Some(group) = self.out.groups.get_mut(group) {
-            let fan = rest.windows(2).filter_map(|pair| Some([*first, *pair.first()?, *pair.last()?]));
-            group.triangles.extend(fan);
+            group.arities.push(corners.len());
+            group.corners.append(&mut corners);
         }
         Ok(())
     }
@@ -173,14 +223,14 @@ impl Parser<'_, '_> {
         let material = self.material;
         let groups = &mut self.out.groups;
         *self.groups.entry((object, material, has_normals)).or_insert_with(|| {
-            groups.push(Group { object, material, has_normals, triangles: Vec::new() });
+            groups.push(Group { object, material, has_normals, corners: Vec::new(), arities: Vec::new() });
             groups.len() - 1
         })
     }
 
     /// `v`, `v/vt`, `v//vn` or `v/vt/vn`, each counted from 1, or from the end when negative.
     fn corner(&mut self, statement: &Statement<'_>, word: &str) -> Result<Corner> {
-        let counts = [self.out.positions.len(), self.out.uvs.len(), self.out.normals.len()];
+        let counts = self.out.counts;
         let mut corner = [NONE; 3];
         let mut parts = word.split('/');
         for ((slot, count), highest) in corner.iter_mut().zip(counts).zip(&mut self.highest) {
@@ -209,12 +259,8 @@ impl Parser<'_, '_> {
 
     fn finish(self) -> Result<Parsed> {
         let out = self.out;
-        let kinds = [
-            (out.positions.len(), "positions (v)"),
-            (out.uvs.len(), "texture coordinates (vt)"),
-            (out.normals.len(), "normals (vn)"),
-        ];
-        for ((count, kind), (index, line)) in kinds.into_iter().zip(self.highest) {
+        let kinds = ["positions (v)", "texture coordinates (vt)", "normals (vn)"];
+        for ((count, kind), (index, line)) in out.counts.into_iter().zip(kinds).zip(self.highest) {
             if count >= NONE as usize {
                 return Err(limit("", format!("the file has {count} {kind}"), "split the file"));
             }
@@ -228,7 +274,7 @@ impl Parser<'_, '_> {
             }
         }
         let (unknown, line) = self.unknown;
-        if unknown > 0 && out.positions.is_empty() {
+        if unknown > 0 && out.counts == [0; 3] {
             return Err(invalid(
                 format!("line {line}"),
                 "neither this nor any other line makes this an OBJ file",
