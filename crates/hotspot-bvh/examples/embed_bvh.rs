@@ -58,7 +58,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let count = rays * rays;
     let total: u32 = tests.iter().sum();
-    println!("{count} rays, {hits} hits, {:.2} nodes and {:.2} triangles per ray", nodes as f64 / count as f64, f64::from(total) / count as f64);
+    println!(
+        "{count} rays, {hits} hits, {:.2} nodes and {:.2} triangles per ray",
+        nodes as f64 / count as f64,
+        f64::from(total) / count as f64
+    );
     let (hottest, most) = tests.iter().enumerate().max_by_key(|(_, t)| **t).ok_or("there are triangles")?;
     println!("tested most: triangle {hottest}, {most} times");
     Ok(())

@@ -172,8 +172,8 @@ impl Emitter<'_> {
                 for (slot, &child) in sorted.iter().enumerate() {
                     let b = self.bounds[child];
                     for axis in 0..3 {
-                        self.nodes[index as usize].bounds[2 * axis].0[slot] = b.min[axis];
-                        self.nodes[index as usize].bounds[2 * axis + 1].0[slot] = b.max[axis];
+                        self.nodes[index as usize].bounds[axis][0].0[slot] = b.min[axis];
+                        self.nodes[index as usize].bounds[axis][1].0[slot] = b.max[axis];
                     }
                     if slot < leaves {
                         let leaf = self.block(child);

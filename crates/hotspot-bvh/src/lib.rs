@@ -175,7 +175,7 @@ impl Bvh {
     /// All words of the tree in memory order, for hashing: equal trees give equal words.
     pub fn words(&self) -> impl Iterator<Item = u32> + '_ {
         let nodes = self.nodes.iter().flat_map(|n| {
-            let bounds = n.bounds.iter().flat_map(|row| row.0.map(f32::to_bits));
+            let bounds = n.bounds.iter().flatten().flat_map(|row| row.0.map(f32::to_bits));
             bounds.chain(n.children.map(|c| c.0))
         });
         let blocks = self.blocks.iter().flat_map(|b| b.primitives);

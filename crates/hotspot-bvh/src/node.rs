@@ -37,22 +37,15 @@ impl Child {
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
 pub(crate) struct Node {
-    /// `bounds[2 * axis]` minima, `bounds[2 * axis + 1]` maxima, one child per lane.
-    pub(crate) bounds: [F8; 6],
+    /// `bounds[axis]`: minima and maxima, one child per lane.
+    pub(crate) bounds: [[F8; 2]; 3],
     /// Leaves first, then nodes, then unused slots.
     pub(crate) children: [Child; 8],
 }
 
 impl Node {
     pub(crate) const EMPTY: Self = Self {
-        bounds: [
-            F8([f32::INFINITY; 8]),
-            F8([f32::NEG_INFINITY; 8]),
-            F8([f32::INFINITY; 8]),
-            F8([f32::NEG_INFINITY; 8]),
-            F8([f32::INFINITY; 8]),
-            F8([f32::NEG_INFINITY; 8]),
-        ],
+        bounds: [[F8([f32::INFINITY; 8]), F8([f32::NEG_INFINITY; 8])]; 3],
         children: [Child::EMPTY; 8],
     };
 

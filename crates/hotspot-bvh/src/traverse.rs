@@ -38,7 +38,7 @@ impl Pending {
 struct SlabTest<S: Simd> {
     origin: [S::Vector; 3],
     inverse: [S::Vector; 3],
-    near_row: [usize; 3],
+    down: [bool; 3],
     t_min: S::Vector,
 }
 
@@ -50,14 +50,14 @@ impl<S: Simd> SlabTest<S> {
         Self {
             origin: [s.splat(o[0]), s.splat(o[1]), s.splat(o[2])],
             inverse: [s.splat(i[0]), s.splat(i[1]), s.splat(i[2])],
-            near_row: [frame.near[0], 2 + frame.near[1], 4 + frame.near[2]],
+            down: frame.down,
             t_min: s.splat(frame.ray.t_min),
         }
     }
 
     #[inline(always)]
-    fn plane(&self, s: S, node: &Node, axis: usize, row: usize) -> S::Vector {
-        s.mul(s.sub(s.load(&node.bounds[row]), self.origin[axis]), self.inverse[axis])
+    fn plane(&self, s: S, node: &Node, axis: usize, upper: bool) -> S::Vector {
+        s.mul(s.sub(s.load(&node.bounds[axis][usize::from(upper)]), self.origin[axis]), self.inverse[axis])
     }
 
     /// Entry distances, and the lanes that are entered by `t_max`, as bits. Subtract-then-multiply, the far side padded
@@ -65,13 +65,13 @@ impl<S: Simd> SlabTest<S> {
     /// second operand.
     #[inline(always)]
     fn enter(&self, s: S, node: &Node, t_max: f32) -> (S::Vector, u32) {
-        let [nx, ny, nz] = self.near_row;
-        let near = s.max(self.plane(s, node, 0, nx), self.t_min);
-        let near = s.max(self.plane(s, node, 1, ny), near);
-        let near = s.max(self.plane(s, node, 2, nz), near);
-        let far = s.min(self.plane(s, node, 0, nx ^ 1), s.splat(f32::INFINITY));
-        let far = s.min(self.plane(s, node, 1, ny ^ 1), far);
-        let far = s.min(self.plane(s, node, 2, nz ^ 1), far);
+        let [x, y, z] = self.down;
+        let near = s.max(self.plane(s, node, 0, x), self.t_min);
+        let near = s.max(self.plane(s, node, 1, y), near);
+        let near = s.max(self.plane(s, node, 2, z), near);
+        let far = s.min(self.plane(s, node, 0, !x), s.splat(f32::INFINITY));
+        let far = s.min(self.plane(s, node, 1, !y), far);
+        let far = s.min(self.plane(s, node, 2, !z), far);
         let far = s.min(s.mul(far, s.splat(FAR_PAD)), s.splat(t_max));
         (near, s.le(near, far))
     }

@@ -22,6 +22,7 @@
 
 use crate::ray::Ray;
 use crate::simd::{F8, Simd};
+use core::hint::select_unpredictable;
 
 /// The far side of a slab test is scaled by this (Ize, *Robust BVH Ray Traversal*, JCGT 2013). A slab distance is three
 /// roundings (difference, reciprocal, product) of relative error u = 2^−24 away from the true one, so for a point in the
@@ -35,16 +36,36 @@ pub(crate) const LANES: usize = 8;
 /// Marks an unused lane.
 pub(crate) const NO_PRIMITIVE: u32 = u32::MAX;
 
+/// A coordinate axis: an index that needs no bounds check.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(usize)]
+enum Axis {
+    X = 0,
+    Y = 1,
+    Z = 2,
+}
+
+/// Axis permutations by the axis that comes last; the fourth is never used.
+const CYCLES: [[Axis; 3]; 4] = [
+    [Axis::Y, Axis::Z, Axis::X],
+    [Axis::Z, Axis::X, Axis::Y],
+    [Axis::X, Axis::Y, Axis::Z],
+    [Axis::X, Axis::Y, Axis::Z],
+];
+
 /// What a ray needs again and again.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RayFrame {
     pub(crate) ray: Ray,
     /// 1 / direction; infinite for zero and for tiny components.
     pub(crate) inverse: [f32; 3],
-    /// Row of a node's bounds that holds the near plane of each axis: 0 min, 1 max.
-    pub(crate) near: [usize; 3],
+    /// Whether the ray runs down an axis: its near plane is then the maximum.
+    pub(crate) down: [bool; 3],
     /// Axis permutation of the shear: the direction's largest component last.
-    k: [usize; 3],
+    k: [Axis; 3],
+    /// Origin and direction, permuted likewise.
+    origin_k: [f32; 3],
+    direction_k: [f32; 3],
     /// Shear factors along x and y.
     shear: [f32; 2],
 }
@@ -52,26 +73,28 @@ pub(crate) struct RayFrame {
 impl RayFrame {
     #[inline(always)]
     pub(crate) fn new(ray: &Ray) -> Self {
-        let d = ray.direction;
+        let (o, d) = (ray.origin, ray.direction);
         let (ax, ay, az) = (d[0].abs(), d[1].abs(), d[2].abs());
-        let kz = if ax > ay {
-            if ax > az { 0 } else { 2 }
-        } else if ay > az {
-            1
-        } else {
-            2
-        };
-        // Either cyclic order does: the sign of all three edge functions flips together.
-        let kx = [1, 2, 0][kz];
-        let ky = [2, 0, 1][kz];
+        // Either cyclic order does: the sign of all three edge functions flips together. Chosen without branches, which
+        // no predictor could follow.
+        let (y_wins, xy) = (ax <= ay, if ax > ay { ax } else { ay });
+        let k = CYCLES[select_unpredictable(xy > az, usize::from(y_wins), 2) & 3];
+        let direction_k = permuted(&d, k);
         Self {
             ray: *ray,
             inverse: [1.0 / d[0], 1.0 / d[1], 1.0 / d[2]],
-            near: d.map(|c| usize::from(c.is_sign_negative())),
-            k: [kx, ky, kz],
-            shear: [d[kx] / d[kz], d[ky] / d[kz]],
+            down: [d[0].is_sign_negative(), d[1].is_sign_negative(), d[2].is_sign_negative()],
+            k,
+            origin_k: permuted(&o, k),
+            direction_k,
+            shear: [direction_k[0] / direction_k[2], direction_k[1] / direction_k[2]],
         }
     }
+}
+
+#[inline(always)]
+fn permuted(v: &[f32; 3], k: [Axis; 3]) -> [f32; 3] {
+    [v[k[0] as usize], v[k[1] as usize], v[k[2] as usize]]
 }
 
 /// Up to eight triangles, one per lane. Unused lanes hold NaN vertices, which no test accepts.
@@ -106,18 +129,24 @@ impl Block {
 
     #[inline(always)]
     pub(crate) fn triangle(&self, lane: usize) -> [[f32; 3]; 3] {
-        self.vertices.map(|corner| corner.map(|axis| axis.0[lane]))
+        // Spelled out: `map` would be a call of its own, outside of the instruction set chosen for the traversal.
+        let [a, b, c] = &self.vertices;
+        [
+            [a[0].0[lane], a[1].0[lane], a[2].0[lane]],
+            [b[0].0[lane], b[1].0[lane], b[2].0[lane]],
+            [c[0].0[lane], c[1].0[lane], c[2].0[lane]],
+        ]
     }
 
     /// A corner relative to the origin, sheared so that the ray runs along z: x, y, and z.
     #[inline(always)]
     fn sheared<S: Simd>(&self, s: S, frame: &RayFrame, corner: usize) -> [S::Vector; 3] {
         let [kx, ky, kz] = frame.k;
-        let o = frame.ray.origin;
+        let [ox, oy, oz] = frame.origin_k;
         let corner = &self.vertices[corner];
-        let z = s.sub(s.load(&corner[kz]), s.splat(o[kz]));
-        let x = s.sub(s.sub(s.load(&corner[kx]), s.splat(o[kx])), s.mul(s.splat(frame.shear[0]), z));
-        let y = s.sub(s.sub(s.load(&corner[ky]), s.splat(o[ky])), s.mul(s.splat(frame.shear[1]), z));
+        let z = s.sub(s.load(&corner[kz as usize]), s.splat(oz));
+        let x = s.sub(s.sub(s.load(&corner[kx as usize]), s.splat(ox)), s.mul(s.splat(frame.shear[0]), z));
+        let y = s.sub(s.sub(s.load(&corner[ky as usize]), s.splat(oy)), s.mul(s.splat(frame.shear[1]), z));
         [x, y, z]
     }
 
@@ -158,16 +187,21 @@ impl Block {
 /// the difference to the origin needs more than 29 bits), and it is rounded once.
 #[inline(always)]
 fn edges(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> (f64, f64, f64) {
-    let [kx, ky, kz] = frame.k;
-    let o = frame.ray.origin.map(f64::from);
-    let d = frame.ray.direction.map(f64::from);
-    let [a, b, c] = triangle.map(|vertex| {
-        let z = f64::from(vertex[kz]) - o[kz];
-        let x = (f64::from(vertex[kx]) - o[kx]) * d[kz] - d[kx] * z;
-        let y = (f64::from(vertex[ky]) - o[ky]) * d[kz] - d[ky] * z;
-        [x, y]
-    });
+    let a = sheared_exactly(frame, &triangle[0]);
+    let b = sheared_exactly(frame, &triangle[1]);
+    let c = sheared_exactly(frame, &triangle[2]);
     (c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0])
+}
+
+#[inline(always)]
+fn sheared_exactly(frame: &RayFrame, vertex: &[f32; 3]) -> [f64; 2] {
+    let [ox, oy, oz] = frame.origin_k;
+    let [dx, dy, dz] = frame.direction_k;
+    let [vx, vy, vz] = permuted(vertex, frame.k);
+    let z = f64::from(vz) - f64::from(oz);
+    let x = (f64::from(vx) - f64::from(ox)) * f64::from(dz) - f64::from(dx) * z;
+    let y = (f64::from(vy) - f64::from(oy)) * f64::from(dz) - f64::from(dy) * z;
+    [x, y]
 }
 
 /// Decides whether a triangle is hit within (`t_min`, `t_max`], and where: the whole definition of the file's header.
@@ -183,7 +217,7 @@ pub(crate) fn confirm(frame: &RayFrame, triangle: &[[f32; 3]; 3], t_max: f32) ->
     for axis in 0..3 {
         let (a, b, c) = (triangle[0][axis], triangle[1][axis], triangle[2][axis]);
         let bounds = [a.min(b).min(c), a.max(b).max(c)];
-        let side = frame.near[axis];
+        let side = usize::from(frame.down[axis]);
         let near = (bounds[side] - o[axis]) * frame.inverse[axis];
         let far = (bounds[1 - side] - o[axis]) * frame.inverse[axis];
         enter = if near > enter { near } else { enter };
@@ -224,9 +258,10 @@ pub(crate) fn confirm(frame: &RayFrame, triangle: &[[f32; 3]; 3], t_max: f32) ->
 /// Unnormalised normal (edge 1 × edge 2) and first vertex.
 #[inline(always)]
 fn plane(triangle: &[[f32; 3]; 3]) -> ([f64; 3], [f64; 3]) {
-    let [v0, v1, v2] = triangle.map(|v| v.map(f64::from));
-    let e1 = [v1[0] - v0[0], v1[1] - v0[1], v1[2] - v0[2]];
-    let e2 = [v2[0] - v0[0], v2[1] - v0[1], v2[2] - v0[2]];
+    let [a, b, c] = triangle;
+    let v0 = [f64::from(a[0]), f64::from(a[1]), f64::from(a[2])];
+    let e1 = [f64::from(b[0]) - v0[0], f64::from(b[1]) - v0[1], f64::from(b[2]) - v0[2]];
+    let e2 = [f64::from(c[0]) - v0[0], f64::from(c[1]) - v0[1], f64::from(c[2]) - v0[2]];
     ([e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2], e1[0] * e2[1] - e1[1] * e2[0]], v0)
 }
 
@@ -235,7 +270,12 @@ fn plane(triangle: &[[f32; 3]; 3]) -> ([f64; 3], [f64; 3]) {
 pub(crate) fn details(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> (f32, f32, [f32; 3]) {
     let (n, _) = plane(triangle);
     let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-    let normal = if length > 0.0 { n.map(|c| (c / length) as f32) } else { [0.0; 3] };
+    let normal = if length > 0.0 {
+        let scale = 1.0 / length;
+        [(n[0] * scale) as f32, (n[1] * scale) as f32, (n[2] * scale) as f32]
+    } else {
+        [0.0; 3]
+    };
     let (u, v, w) = edges(frame, triangle);
     let sum = u + v + w;
     // u belongs to the first vertex, v to the second, w to the third. All have one sign and their sum is not 0.
