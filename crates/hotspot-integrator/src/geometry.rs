@@ -198,6 +198,7 @@ impl SurfaceTriangle {
     pub(crate) fn new(triangle: &[[f32; 3]; 3]) -> Self {
         let larger = |a: f32, b: f32| if a > b { a } else { b };
         let mut this = Self { corner: [0.0; 3], edges: [[0.0; 3]; 2], error: [0.0; 3] };
+        #[expect(clippy::needless_range_loop, reason = "one axis of several arrays in step")]
         for axis in 0..3 {
             let [a, b, c] = [triangle[0][axis], triangle[1][axis], triangle[2][axis]];
             this.corner[axis] = f64::from(a);

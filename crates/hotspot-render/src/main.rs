@@ -1,6 +1,5 @@
 //! The command line: the only room that prints and exits.
 #![forbid(unsafe_code)]
-#![expect(clippy::print_stdout, clippy::print_stderr, reason = "talking to people is what this crate is for")]
 
 mod args;
 mod commands;
@@ -9,6 +8,7 @@ mod fail;
 mod memory;
 mod output;
 mod progress;
+mod say;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -41,6 +41,6 @@ fn main() -> ExitCode {
 }
 
 fn report(fail: &Fail) -> ExitCode {
-    eprintln!("hotspot-render: {}", fail.message);
+    crate::say::err!("hotspot-render: {}", fail.message);
     ExitCode::from(fail.code)
 }

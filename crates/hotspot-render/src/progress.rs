@@ -46,15 +46,15 @@ impl Talker {
     /// One line for people on standard output, unless quiet.
     pub(crate) fn say(&self, line: &str) {
         if !self.quiet {
-            println!("{line}");
+            crate::say::out!("{line}");
         }
     }
 
     /// A warning on standard error; also when quiet.
     pub(crate) fn warn(&self, line: &str) {
         match &self.mode {
-            Mode::Bar(bar) => bar.suspend(|| eprintln!("{line}")),
-            _ => eprintln!("{line}"),
+            Mode::Bar(bar) => bar.suspend(|| crate::say::err!("{line}")),
+            _ => crate::say::err!("{line}"),
         }
     }
 
@@ -72,12 +72,12 @@ impl Talker {
             }
             Mode::Lines(last) => {
                 if due(last, LINE_EVERY) {
-                    eprintln!("{:3.0} %  {rate:.2} Msamples/s, {left:.0} s left", share * 100.0);
+                    crate::say::err!("{:3.0} %  {rate:.2} Msamples/s, {left:.0} s left", share * 100.0);
                 }
             }
             Mode::Json(last) => {
                 if due(last, JSON_EVERY) || progress.done == progress.total {
-                    eprintln!(
+                    crate::say::err!(
                         "{{\"progress\":{share:.4},\"seconds\":{elapsed:.3},\"msamples_per_second\":{rate:.4},\
                          \"seconds_left\":{left:.1}}}"
                     );

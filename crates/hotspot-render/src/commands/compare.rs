@@ -32,13 +32,13 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Fail> {
     let page = writer.comparison(&side_a, &side_b, &comparison)?;
     if !args.quiet {
         for file in &page.files {
-            println!("wrote {file}");
+            crate::say::out!("wrote {file}");
         }
         for note in &comparison.notes {
-            println!("note: {note}");
+            crate::say::out!("note: {note}");
         }
         print_totals(&comparison);
-        println!("→ open {}", page.page.display());
+        crate::say::out!("→ open {}", page.page.display());
     }
     let reasons = |outcome: GateOutcome| -> Vec<&str> {
         results.iter().filter(|r| r.outcome == outcome).map(|r| r.reason.as_str()).collect()
@@ -71,7 +71,7 @@ fn print_totals(comparison: &Comparison) {
             Some(false) => ", not significant",
             None => "",
         };
-        println!(
+        crate::say::out!(
             "{:<13} {:>10.3} -> {:>10.3} per path  {:+.2} % ({interval}{verdict})",
             metric.name(),
             change.a,

@@ -284,7 +284,7 @@ fn interrupt_flag() -> &'static AtomicBool {
         if CANCEL.swap(true, Ordering::SeqCst) {
             std::process::exit(i32::from(INTERRUPTED));
         }
-        eprintln!("interrupted: finishing this wave and saving (again to end at once)");
+        crate::say::err!("interrupted: finishing this wave and saving (again to end at once)");
     });
     &CANCEL
 }

@@ -42,12 +42,12 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Fail> {
     })?;
     if !args.quiet {
         for line in ignored {
-            println!("left out: {line}");
+            crate::say::out!("left out: {line}");
         }
         for written in &page.files {
-            println!("wrote {written}");
+            crate::say::out!("wrote {written}");
         }
-        println!("Costliest: {} → open {}", document.verdict, page.page.display());
+        crate::say::out!("Costliest: {} → open {}", document.verdict, page.page.display());
     }
     Ok(())
 }
