@@ -28,13 +28,17 @@ pub struct Beauty {
 /// Stops beyond which exposures are not followed.
 const MAX_EV: f64 = 30.0;
 
+/// Luminance above which, in averages, a pixel shows a light or a window rather than a lit surface.
+const LIGHT: f64 = 6.0;
+
 /// Tone-maps row-major planes of linear red, green and blue.
 ///
 /// The automatic exposure puts the log-average luminance of the pixels that are neither black nor invalid at middle grey
 /// (0.18), as photographers and Reinhard's operator do: a light source that is a thousand times brighter but covers few
 /// pixels hardly moves it. It then leans towards a picture whose 90th percentile lies between 0.5 and 1, so that a white
-/// room is not grey and a low-key scene not washed out, by at most one stop darker and two brighter. The result is
-/// rounded to 0.01 stops.
+/// room is not grey and a low-key scene not washed out, by at most one stop darker and two brighter; pixels more than
+/// [`LIGHT`] times the average are lights or windows and do not count for that percentile. The result is rounded to 0.01
+/// stops.
 pub fn beauty(width: u32, height: u32, rgb: [&[f32]; 3], exposure: Exposure) -> Beauty {
     let [red, green, blue] = rgb;
     let len = red.len().min(green.len()).min(blue.len());
@@ -69,6 +73,8 @@ fn auto_ev(pixels: impl Iterator<Item = [f32; 3]>) -> f64 {
     }
     let average = luminance.iter().map(|y| y.ln()).sum::<f64>() / luminance.len() as f64;
     let key = 0.18 / average.exp();
+    // Something is at or below the average: never empty.
+    luminance.retain(|y| *y <= LIGHT * average.exp());
     let index = luminance.len() * 9 / 10;
     let bright = *luminance.select_nth_unstable_by(index, f64::total_cmp).1;
     let gain = key.clamp(0.5 / bright, 1.0 / bright).clamp(key / 2.0, key * 4.0);
