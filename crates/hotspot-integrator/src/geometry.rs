@@ -27,6 +27,8 @@ pub(crate) struct Geometry {
     pub(crate) triangles: Vec<[[f32; 3]; 3]>,
     /// Part of each triangle.
     pub(crate) part_of: Vec<u32>,
+    /// Least height of each triangle: twice its area over its longest edge.
+    least_height: Vec<f32>,
     pub(crate) parts: Vec<Part>,
     /// Indices into `normals` and `uvs` of the corners of triangles that need them.
     corners: Vec<[u32; 3]>,
@@ -119,6 +121,9 @@ impl Geometry {
                 }
                 geometry.triangles.push(triangle);
                 geometry.part_of.push(part);
+                geometry
+                    .least_height
+                    .push(heights(&triangle).into_iter().fold(f64::INFINITY, f64::min) as f32);
                 if normals.is_some() || uvs.is_some() {
                     geometry.corners.push(corners.map(|i| base + i));
                 }
@@ -134,6 +139,7 @@ impl Geometry {
     pub(crate) fn memory(&self) -> u64 {
         (size_of_val(&self.triangles[..])
             + size_of_val(&self.part_of[..])
+            + size_of_val(&self.least_height[..])
             + size_of_val(&self.parts[..])
             + size_of_val(&self.corners[..])
             + size_of_val(&self.normals[..])
@@ -145,10 +151,19 @@ impl Geometry {
         &self.parts[self.part_of[primitive as usize] as usize]
     }
 
-    /// The point of a triangle with barycentric weights u, v of its second and third corner.
+    /// The point of a triangle with barycentric weights u, v of its second and third corner, as the origin of further
+    /// rays: kept off the triangle's edges by [`SurfacePoint::margin`]. A point on an edge may round to the far side of the
+    /// neighbouring face, and a ray from there would leave a closed box.
     #[inline(always)]
     pub(crate) fn point(&self, primitive: u32, u: f32, v: f32) -> SurfacePoint {
-        SurfacePoint::new(&self.triangles[primitive as usize], u, v)
+        let triangle = &self.triangles[primitive as usize];
+        let point = SurfacePoint::new(triangle, u, v);
+        let margin = point.margin();
+        let least = u.min(v).min(1.0 - u - v);
+        if least * self.least_height[primitive as usize] >= margin {
+            return point;
+        }
+        inset(triangle, [1.0 - u - v, u, v], margin)
     }
 
     /// Shading normal (unit length, on the counter-clockwise side unless the file's normals say otherwise) and uv.
@@ -170,6 +185,36 @@ impl Geometry {
         }
         (normal, uv)
     }
+}
+
+/// Distances of the corners from the opposite edges; 0 without area.
+fn heights(triangle: &[[f32; 3]; 3]) -> [f64; 3] {
+    let [a, b, c] = triangle.map(|v| glam::DVec3::from_array(v.map(f64::from)));
+    let twice_area = (b - a).cross(c - a).length();
+    [c - b, a - c, b - a].map(|edge| {
+        let length = edge.length();
+        if length > 0.0 { twice_area / length } else { 0.0 }
+    })
+}
+
+/// The point with these weights, moved so that it is at least `margin` away from every edge, or as far as a triangle too
+/// small for that allows.
+#[cold]
+#[inline(never)]
+fn inset(triangle: &[[f32; 3]; 3], mut weights: [f32; 3], margin: f32) -> SurfacePoint {
+    let heights = heights(triangle);
+    let mut missing = 0.0;
+    for (weight, height) in weights.iter_mut().zip(heights) {
+        let least = (margin / height as f32).min(0.33);
+        if *weight < least {
+            missing += least - *weight;
+            *weight = least;
+        }
+    }
+    // The largest weight pays: it is at least a third, and the other two asked for less than a third each.
+    let largest = (0..3).fold(0, |best, i| if weights[i] > weights[best] { i } else { best });
+    weights[largest] = (weights[largest] - missing).max(0.0);
+    SurfacePoint::new(triangle, weights[1], weights[2])
 }
 
 impl Geometry {
@@ -238,6 +283,23 @@ impl SurfacePoint {
     #[inline(always)]
     pub(crate) fn new(triangle: &[[f32; 3]; 3], u: f32, v: f32) -> Self {
         SurfaceTriangle::new(triangle).point(u, v)
+    }
+
+    /// How far from its triangle's edges a point should stay: twice the distance by which rays start off the plane, so that
+    /// they start inside of any neighbour that meets the face at more than about 27 degrees.
+    #[inline(always)]
+    fn margin(&self) -> f32 {
+        2.0 * self.error.length()
+    }
+
+    /// Where a ray from `origin` to this point of a light must end, so that it cannot hit the light itself: off the
+    /// light's plane, on the side of unit normal `normal`, by the bound of [`SurfacePoint::leave`] and by the errors that
+    /// grow with the ray's length: rounding the direction (u = 2^-24 of it), and the distance found by the intersection
+    /// test, which is clamped to a slab interval (three roundings) and rounded itself: 5 u per axis.
+    #[inline(always)]
+    pub(crate) fn meet(&self, normal: Vec3, origin: Vec3) -> Vec3 {
+        let reach = (self.p - origin).abs() * (5.0 * 0.5 * f32::EPSILON);
+        self.p + normal * normal.abs().dot(self.error + reach)
     }
 
     /// The origin of a ray that leaves on the side of unit normal `normal` (turned to the ray's side): off the plane by

@@ -244,8 +244,7 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
             } else {
                 Vec3::from_array(material.emission.factor)
             };
-            // Ends short of the light's surface by its own bound.
-            let target = point.leave(if cos < 0.0 { -normal } else { normal });
+            let target = point.meet(if cos < 0.0 { -normal } else { normal }, origin);
             let mut ray = Ray::new(origin.to_array(), (target - origin).to_array());
             ray.t_max = 1.0;
             (emission, ray, part.object)

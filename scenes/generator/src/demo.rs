@@ -135,6 +135,6 @@ pub(crate) fn scene() -> Scene {
     let (dome, cord) = f::pendant(0.21, 0.15, h - 1.78);
     s.place("Pendant lamp", vec![(dome, brass), (cord, walnut)], Place::at(v(-0.44, 1.80, -0.35)));
 
-    s.look(v(0.72, 1.36, 3.0), v(-0.16, 0.93, -0.6), 37.5, 16.0 / 9.0);
+    s.look(v(0.72, 1.36, 3.0), v(-0.42, 0.97, -0.6), 25.0, 16.0 / 9.0);
     s
 }

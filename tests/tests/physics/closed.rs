@@ -1,12 +1,14 @@
 //! No light through closed surfaces: inside a closed shell (flat normals) with all light outside, every pixel is exactly 0.
+//! And none lost: inside a convex room no shadow ray is blocked.
 //!
 //! Bright surroundings and lights close to the outside; any ray that starts on the wrong side or slips through an edge
 //! shows. Each case spawns some 10^5 rays.
 
+use hotspot_cost::Counter;
 use hotspot_scene::{Bsdf, Color, Material, Mesh};
-use hotspot_tests::picture::{picture, settings};
+use hotspot_tests::picture::{frame, picture, settings};
 use hotspot_tests::world::{
-    V3, World, add_scaled, cuboid, light, matte, metal, mirror, pinhole, sphere, substrate, surface,
+    V3, World, add_scaled, cuboid, emitting, light, matte, metal, mirror, pinhole, sphere, substrate, surface,
 };
 
 /// Renders the inside of `shell` from `eye`, lit from outside only; returns the number of pixels that got light.
@@ -104,4 +106,39 @@ fn turned_boxes_are_dark_inside_far_from_the_origin() {
         }
         shell
     });
+}
+
+/// In a convex room of luminous walls every point of a wall sees every other: a blocked shadow ray was stopped by the very
+/// light that it aims at, or by the wall that it leaves. All paths bring radiance here, so blocked shadow rays are all
+/// that can count as waste.
+#[test]
+fn shadow_rays_reach_their_lights_in_convex_rooms() {
+    let mut found = Vec::new();
+    for (scale, at) in [
+        (1.0, [0.0; 3]),
+        (1e-3, [0.0; 3]),
+        (1e4, [0.0; 3]),
+        (1.0, [30.0, -20.0, 10.0]),
+        (1.0, [1e3, 1e3, -1e3]),
+        (1e3, [5.0, 7.0, 9.0]),
+    ] {
+        let p = |v: V3| add_scaled(at, scale, v);
+        let walls = emitting(matte([0.9; 3]), [1.0; 3]);
+        for (shape, room) in [
+            ("box", cuboid(p([-1.0, -0.7, -1.3]), p([1.2, 0.9, 1.0]), true)),
+            ("ball", sphere(at, scale, 2, true)),
+        ] {
+            let scene = World::new().with(room, walls.clone()).prepare();
+            for towards in [[1.0, 0.6, 0.2], [-0.4, -1.0, 0.5], [0.1, 0.2, -1.0]] {
+                let camera = pinhole(p([0.1, 0.1, -0.15]), p(towards), 100.0);
+                let frame = frame(&scene, &camera, &settings(32, 32, 8, 3, 5)).frame;
+                let sum = |c| frame.costs().map(|cost| cost.get(c)).sum::<u64>();
+                if sum(Counter::WasteNodes) > 0 {
+                    let paths = frame.costs().filter(|cost| cost.get(Counter::WasteNodes) > 0).count();
+                    found.push(format!("{shape}, scale {scale:e} at {at:?}: in {paths} of 1024 pixels"));
+                }
+            }
+        }
+    }
+    assert!(found.is_empty(), "shadow rays blocked: {found:#?}");
 }

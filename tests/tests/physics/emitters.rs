@@ -168,6 +168,21 @@ fn nothing_is_lit_from_behind() {
     assert_eq!(picture.max(), 0.0);
 }
 
+/// Nor through a screen close before the light: shadow rays go all the way.
+#[test]
+fn a_screen_close_to_the_light_casts_its_shadow() {
+    let lamp = rectangle([0.0, 1.5, 0.0], [0.4, 0.0, 0.0], [0.0, 0.0, 0.4]);
+    for gap in [0.1, 1e-3, 1e-5] {
+        let screen = rectangle([0.0, 1.5 - gap, 0.0], [0.7, 0.0, 0.0], [0.0, 0.0, 0.7]);
+        let world = World::new()
+            .with(floor(), matte([0.9; 3]))
+            .with(lamp.clone(), light([100.0; 3]))
+            .with(screen, matte([0.0; 3]));
+        let picture = picture(&world.prepare(), &view(), &settings(24, 24, 16, 1, 0));
+        assert_eq!(picture.max(), 0.0, "gap {gap}");
+    }
+}
+
 #[test]
 fn depth_zero_shows_emitters_only() {
     let world = World::new().with(floor(), matte([0.9; 3])).with(

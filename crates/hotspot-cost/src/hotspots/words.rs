@@ -33,12 +33,15 @@ pub(super) fn cause(factors: &Factors) -> String {
 /// A hotspot whose pixels cost this many times the mean is worth a sentence before larger ones that barely stand out.
 const DENSE: f64 = 1.4;
 
+/// The sentence ends when its hotspots hold this share of the excess.
+const ENOUGH: f64 = 0.75;
+
 /// Dense hotspots are preferred only where they hold at least this share of the cost.
 const WORTHWHILE: f64 = 0.05;
 
 /// One sentence for people: `41 % of the cost lies in 9 % of the pixels: "Wardrobe mirror"`. Where hotspots that cost well
 /// above the mean hold a fair share of the cost, the sentence is about them; else about all. Takes them by rank until they
-/// hold half of what they exceed the mean by, and at most three objects.
+/// hold most ([`ENOUGH`]) of what they exceed the mean by, and at most three objects.
 pub fn verdict(hotspots: &[Hotspot]) -> String {
     let dense: Vec<&Hotspot> =
         hotspots.iter().filter(|hotspot| hotspot.cost_share >= DENSE * hotspot.pixel_share).collect();
@@ -54,7 +57,7 @@ pub fn verdict(hotspots: &[Hotspot]) -> String {
             (None, None) => format!("around pixel ({}, {})", hotspot.bbox[0], hotspot.bbox[1]),
         };
         let known = names.contains(&name);
-        if !known && (names.len() == 3 || excess >= 0.5 * all) {
+        if !known && (names.len() == 3 || excess >= ENOUGH * all) {
             continue;
         }
         if !known {
