@@ -24,6 +24,9 @@ pub struct NonFinite {
     pub half: usize,
 }
 
+/// Most that a tile reports in one wave: enough to find the fault, too few to fill the memory.
+const MOST_NON_FINITE: usize = 64;
+
 /// What all tiles of a render share.
 pub(crate) struct Kernel<'a> {
     pub(crate) scene: &'a RenderScene,
@@ -98,7 +101,7 @@ impl TileJob<'_> {
                 let mut keep = |index: u64, result: &PathResult| {
                     if kernel.radiance {
                         let finite = result.radiance.is_finite();
-                        if !finite {
+                        if !finite && non_finite.len() < MOST_NON_FINITE {
                             non_finite.push(NonFinite { x, y, sample: index, half });
                         }
                         film.add(if finite { result.radiance.to_array() } else { [0.0; 3] });
@@ -113,7 +116,7 @@ impl TileJob<'_> {
                         path.end(PathEnd {
                             cause: result.cause,
                             throughput: result.throughput,
-                            brought_radiance: result.radiance != Vec3::ZERO,
+                            brought_radiance: result.radiance != Vec3::ZERO && result.radiance.is_finite(),
                             first_object: result.first_object,
                         });
                         keep(index, &result);

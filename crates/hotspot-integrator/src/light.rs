@@ -137,7 +137,10 @@ impl Lights {
             }
             guide.push(index as u32);
         }
-        Self { triangles, guide, environment, environment_probability: (environment_power / total) as f32 }
+        // Never rounds to 1 where there are surfaces: they would be weighted but not sampled.
+        let most = if triangles.is_empty() { 1.0 } else { 1.0 - f32::EPSILON };
+        let environment_probability = ((environment_power / total) as f32).min(most);
+        Self { triangles, guide, environment, environment_probability }
     }
 
     pub(crate) fn is_empty(&self) -> bool {

@@ -41,9 +41,9 @@ pub struct Settings {
     pub width: u32,
     /// Rows, at least 1.
     pub height: u32,
-    /// Camera samples per pixel, at least 1.
+    /// Camera samples per pixel, at least 1; rounded up to an even number with intervals, so that both halves have as many.
     pub spp: u32,
-    /// Count on the first so many samples of each pixel only; `None`: on all.
+    /// Count on the first so many samples of each pixel only (rounded up to even with intervals); `None`: on all.
     pub cost_spp: Option<u32>,
     /// Most scattering events of a path: 0 shows emitters only, 1 adds direct light.
     pub max_depth: u32,
@@ -126,7 +126,7 @@ pub struct Rendered {
     pub threads: usize,
     /// Name of the kernel: tree, instruction set, scene class.
     pub kernel: String,
-    /// Samples whose radiance was not finite and counted as black, sorted.
+    /// Samples whose radiance was not finite and counted as black, sorted; at most 64 per tile and wave are listed.
     pub non_finite: Vec<NonFinite>,
 }
 
@@ -148,6 +148,9 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
         cost: gather.cost || gather.time,
         tile: 16,
     });
+    // Both halves always have as many samples.
+    let halves = frame.halves() as u64;
+    let whole = |samples: u32| u64::from(samples).next_multiple_of(halves);
     let kernel = Kernel {
         scene,
         camera: FilmCamera::new(camera, settings.width, settings.height),
@@ -161,20 +164,20 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
         sampler: settings.sampler,
         seed: settings.seed,
         halves: frame.halves(),
-        counted: if gather.cost { u64::from(settings.cost_spp.unwrap_or(u32::MAX)) } else { 0 },
+        counted: if gather.cost { whole(settings.cost_spp.unwrap_or(u32::MAX)) } else { 0 },
         radiance: gather.radiance,
         clock: gather.time,
     };
     let isa = scene.bvh.isa();
-    let total = u64::from(settings.spp);
+    let total = whole(settings.spp);
     let pixels = u64::from(settings.width) * u64::from(settings.height);
     let taken = AtomicU64::new(0);
     let start = Instant::now();
     let mut non_finite = Vec::new();
     let mut done = 0u64;
-    let mut wave = if settings.time_limit.is_some() { 1 } else { 4 };
+    let mut wave: u64 = if settings.time_limit.is_some() { 1 } else { 4 };
     let stop = loop {
-        let samples = done..(done + wave).min(total);
+        let samples = done..(done + wave.next_multiple_of(halves)).min(total);
         let found: Vec<NonFinite> = frame
             .tiles_mut()
             .par_iter_mut()

@@ -4,7 +4,7 @@ use crate::geometry::Geometry;
 use crate::light::{Lights, bounding_radius};
 use crate::texture::Texture;
 use hotspot_bvh::{BuildOptions, Bvh, BvhError};
-use hotspot_scene::{Alpha, Bsdf, Environment, Material, Repair, Scene, Unmodelled};
+use hotspot_scene::{Alpha, Bsdf, Environment, Material, Repair, Scalar, Scene, Unmodelled};
 use std::time::Instant;
 
 /// Why a scene cannot be rendered.
@@ -102,6 +102,13 @@ impl RenderScene {
         let bvh = Bvh::build(&geometry.triangles, options)?;
         let build_seconds = start.elapsed().as_secs_f64();
         let (min, max) = bvh.bounds();
+        if geometry.triangles.is_empty() {
+            repairs.push(Repair {
+                what: "nothing to see: the scene has no triangles".into(),
+                element: "scene".into(),
+                count: 1,
+            });
+        }
         let radius = bounding_radius(min, max);
         let mut collect = |environment: Option<&Environment>| {
             Lights::new(&scene.materials, environment, &mut geometry, &textures, radius)
@@ -138,6 +145,15 @@ impl RenderScene {
     /// Names of the materials, by id.
     pub fn material_names(&self) -> impl Iterator<Item = &str> {
         self.materials.iter().map(|m| m.name.as_str())
+    }
+
+    /// Triangles of each object, by its id.
+    pub fn object_triangles(&self) -> Vec<u64> {
+        let mut counts = vec![0; self.objects.len()];
+        for &part in &self.geometry.part_of {
+            counts[self.geometry.parts[part as usize].object as usize] += 1;
+        }
+        counts
     }
 
     /// The class that chooses the kernel.
@@ -230,12 +246,22 @@ fn check(scene: &Scene) -> Result<(), PrepareError> {
 
 /// Calls `visit` with every texture index that a material uses.
 fn visit_textures(material: &Material, visit: &mut dyn FnMut(u32)) {
+    visit_shaded_textures(material, visit);
+    match &material.alpha {
+        Alpha::Mask { alpha: Scalar { texture: Some((t, _)), .. }, .. }
+        | Alpha::Blend { alpha: Scalar { texture: Some((t, _)), .. } } => visit(t.texture),
+        Alpha::Opaque | Alpha::Mask { .. } | Alpha::Blend { .. } => {}
+    }
+}
+
+/// The same for those that shading looks up.
+fn visit_shaded_textures(material: &Material, visit: &mut dyn FnMut(u32)) {
     fn color(c: &hotspot_scene::Color, visit: &mut dyn FnMut(u32)) {
         if let Some(t) = &c.texture {
             visit(t.texture);
         }
     }
-    fn scalar(s: &hotspot_scene::Scalar, visit: &mut dyn FnMut(u32)) {
+    fn scalar(s: &Scalar, visit: &mut dyn FnMut(u32)) {
         if let Some((t, _)) = &s.texture {
             visit(t.texture);
         }
@@ -261,17 +287,13 @@ fn visit_textures(material: &Material, visit: &mut dyn FnMut(u32)) {
     }
     bsdf(&material.bsdf, visit);
     color(&material.emission, visit);
-    match &material.alpha {
-        Alpha::Opaque => {}
-        Alpha::Mask { alpha, .. } | Alpha::Blend { alpha } => scalar(alpha, visit),
-    }
 }
 
 fn classify(scene: &Scene) -> SceneClass {
     scene.instances.iter().fold(SceneClass::Matte, |class, instance| {
         let material = &scene.materials[instance.material as usize];
         let mut textured = false;
-        visit_textures(material, &mut |_| textured = true);
+        visit_shaded_textures(material, &mut |_| textured = true);
         let needs = match material.bsdf {
             _ if textured => SceneClass::Full,
             Bsdf::Matte { .. } => SceneClass::Matte,

@@ -8,6 +8,9 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
+All options of a render (--size, --spp, --intervals, --camera, --env, --metrics, --time-limit, --threads, …):
+  hotspot-render render --help
+
 Examples:
   hotspot-render --demo                            a built-in scene: picture, heat maps and report in seconds
   hotspot-render scene.gltf                        the same for a scene of yours, into hotspot-out/
@@ -364,8 +367,8 @@ fn parse_exposure(text: &str) -> Result<Exposure, String> {
         return Ok(Exposure::Auto);
     }
     match text.parse::<f32>() {
-        Ok(ev) if ev.abs() <= 100.0 => Ok(Exposure::Ev(ev)),
-        _ => Err("write a number of stops such as -1.5, or auto".into()),
+        Ok(ev) if ev.abs() <= 30.0 => Ok(Exposure::Ev(ev)),
+        _ => Err("write a number of stops from -30 to 30 such as -1.5, or auto".into()),
     }
 }
 

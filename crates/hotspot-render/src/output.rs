@@ -5,13 +5,14 @@ use crate::fail::{FAILED, Fail};
 use hotspot_cost::document::View;
 use hotspot_cost::exr_io::{self, Header};
 use hotspot_cost::maps::{
-    Beauty, ColorMap, DEFAULT_CLIP, Exposure, HeatOptions, Scale, beauty, heat_map, write_atomic, write_png,
+    Beauty, ColorMap, DEFAULT_CLIP, Exposure, HeatMap, HeatOptions, Scale, beauty, heat_map, write_atomic,
+    write_png,
 };
 use hotspot_cost::report::{
     ChangeRow, CompareInput, CompareLayer, Fact, HotspotCard, MapLayer, ObjectLayer, PairFact, ReportInput,
     Side as PageSide, TotalRow, ValueKind, compare_html, html,
 };
-use hotspot_cost::{CiKind, Comparison, Document, Layers, Metric, Rect, Side, Sum};
+use hotspot_cost::{CiKind, Comparison, Document, Layers, Metric, Rect, Side, Sum, hotspots};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -35,7 +36,20 @@ pub(crate) struct Output<'a> {
     /// First-hit object of each pixel; empty when unknown.
     pub(crate) objects: &'a [u32],
     pub(crate) object_names: &'a [String],
+    /// Triangles of each object; empty when unknown.
+    pub(crate) object_triangles: &'a [u64],
     pub(crate) write_exr: bool,
+}
+
+/// What the page of a render is made from, but for the picture.
+#[derive(Clone, Copy)]
+struct PageParts<'a> {
+    title: &'a str,
+    layers: &'a Layers,
+    document: &'a Document,
+    objects: &'a [u32],
+    object_names: &'a [String],
+    object_triangles: &'a [u64],
 }
 
 /// What was written.
@@ -57,6 +71,13 @@ impl<'a> Writer<'a> {
             Fail::new(
                 FAILED,
                 format!("cannot make the folder {}: {e}; choose another with -o", folder.display()),
+            )
+        })?;
+        // An unwritable folder should not cost a render.
+        tempfile::tempfile_in(folder).map_err(|e| {
+            Fail::new(
+                FAILED,
+                format!("cannot write into {}: {e}; choose another folder with -o", folder.display()),
             )
         })?;
         let ranges = match &views.scale {
@@ -90,89 +111,81 @@ impl<'a> Writer<'a> {
 
     /// Writes all outputs of a render.
     pub(crate) fn render(&self, output: Output<'_>) -> Result<Written, Fail> {
-        let Output { stem, layers, document, header, objects, object_names, write_exr } = output;
-        let mut files = Vec::new();
+        let Output { stem, layers, document, header, objects, object_names, object_triangles, write_exr } =
+            output;
         let path = |suffix: &str| self.folder.join(format!("{stem}{suffix}"));
-        document.views.clear();
+        self.remove_stale_maps(stem);
 
+        // Drawn first, since the JSON says what they altered; written last, since only the layers cannot be made again.
+        let mut pictures = Vec::new();
+        document.views.clear();
         let picture = tone_mapped(layers, self.views.exposure);
         if let Some(picture) = &picture {
             let file = path(".png");
-            write_png(&file, &picture.image)?;
-            files.push(format!("{}: the picture", file.display()));
             document.views.push(View {
                 file: file_name(&file),
                 exposure_ev: Some(picture.ev.into()),
                 ..View::default()
             });
+            pictures.push((file, picture.image.clone(), "the picture".to_owned()));
         }
         for metric in self.shown(layers) {
             let Some(values) = layers.metric(metric) else { continue };
             let file = path(&format!(".{}.png", metric.layer()));
-            let map = heat_map(
-                layers.width,
-                layers.height,
-                values,
-                &HeatOptions {
-                    label: metric.label().to_owned(),
-                    unit: unit(metric),
-                    map: self.views.colors.map(),
-                    scale: self.scale(metric.name()),
-                    despike: metric == Metric::TimeUs,
-                },
-            );
-            write_png(&file, &map.image)?;
-            files.push(format!("{}: heat map of {}", file.display(), metric.description()));
-            let mut altered = Vec::new();
-            if map.clipped > 0 {
-                altered.push(match map.clip_percentile {
-                    Some(p) => format!("{} pixels beyond the {p}th percentile clipped", map.clipped),
-                    None => format!("{} pixels beyond the fixed scale clipped", map.clipped),
-                });
-            }
-            if map.despiked > 0 {
-                altered.push(format!(
-                    "{} pixels replaced by the median of their 3 x 3 neighbours",
-                    map.despiked
-                ));
-            }
+            let options = HeatOptions {
+                label: metric.label().to_owned(),
+                unit: unit(metric),
+                map: self.views.colors.map(),
+                scale: self.scale(metric.name()),
+                despike: metric == Metric::TimeUs,
+            };
+            let map = heat_map(layers.width, layers.height, values, &options);
             document.views.push(View {
                 file: file_name(&file),
                 metric: Some(metric.name().to_owned()),
                 scale: Some([map.lo.into(), map.hi.into()]),
                 exposure_ev: None,
-                altered,
+                altered: altered(&map),
             });
+            pictures.push((file, map.image, format!("heat map, {}", metric.label())));
         }
 
+        let mut files = Vec::new();
         let json = document.to_json();
         if write_exr {
             let file = path(".exr");
             exr_io::write(&file, layers, &Header { json: json.clone(), ..header })?;
-            files.insert(0, format!("{}: radiance and every cost layer", file.display()));
+            files.push(format!("{}: radiance and every cost layer", file.display()));
         }
         let file = path(".json");
         write_atomic(&file, json.as_bytes())?;
         files.push(format!("{}: totals, hotspots and settings", file.display()));
-
+        for (file, image, what) in pictures {
+            write_png(&file, &image)?;
+            files.push(format!("{}: {what}", file.display()));
+        }
         let page = path(".html");
-        let text = self.page(stem, layers, document, picture, objects, object_names, &json);
+        let text = self.page(
+            &PageParts { title: stem, layers, document, objects, object_names, object_triangles },
+            picture,
+            json,
+        );
         write_atomic(&page, text.as_bytes())?;
         files.push(format!("{}: the report", page.display()));
         Ok(Written { files, page })
     }
 
-    #[expect(clippy::too_many_arguments, reason = "the parts of one page, used once")]
-    fn page(
-        &self,
-        title: &str,
-        layers: &Layers,
-        document: &Document,
-        picture: Option<Beauty>,
-        objects: &[u32],
-        object_names: &[String],
-        json: &str,
-    ) -> String {
+    /// Removes the pictures of an earlier render of this name, so that none stays beside a JSON that does not know it. What
+    /// cannot be removed is about to be overwritten or reported.
+    fn remove_stale_maps(&self, stem: &str) {
+        for metric in Metric::ALL {
+            let _ = std::fs::remove_file(self.folder.join(format!("{stem}.{}.png", metric.layer())));
+        }
+        let _ = std::fs::remove_file(self.folder.join(format!("{stem}.png")));
+    }
+
+    fn page(&self, parts: &PageParts<'_>, picture: Option<Beauty>, json: String) -> String {
+        let PageParts { title, layers, document, objects, object_names, object_triangles } = *parts;
         let beauty = picture.map_or_else(
             || image::RgbImage::from_pixel(layers.width, layers.height, image::Rgb([40, 40, 44])),
             |p| p.image,
@@ -205,12 +218,12 @@ impl<'a> Writer<'a> {
             maps,
             objects: (!objects.is_empty())
                 .then(|| ObjectLayer { ids: objects, names: object_names.to_vec() }),
-            hotspots: document.hotspots.iter().map(card).collect(),
+            hotspots: document.hotspots.iter().map(|hotspot| card(hotspot, object_triangles)).collect(),
             facts: facts(document),
             totals: totals(document),
             unmodelled: document.unmodelled.iter().map(note).collect(),
             repairs: document.repairs.iter().map(note).collect(),
-            raw_json: json.to_owned(),
+            raw_json: json,
         })
     }
 
@@ -394,14 +407,31 @@ pub(crate) fn comparison_verdict(comparison: &Comparison) -> String {
         format!(" (95 % interval {:+.2} % to {:+.2} %)", lo * 100.0, hi * 100.0)
     });
     match change.significant {
+        _ if change.delta == 0.0 => format!("{label}: exactly the same in both"),
         Some(false) => format!("No significant change of {label}: {:+.2} %{interval}", relative * 100.0),
-        _ => format!(
-            "{} costs {:.2} % {direction} {label} than {}{interval}",
+        tested => format!(
+            "{} costs {:.2} % {direction} {label} than {}{}",
             comparison.b,
             relative.abs() * 100.0,
-            comparison.a
+            comparison.a,
+            if tested.is_none() { " (not tested: render with --intervals)" } else { &interval }
         ),
     }
+}
+
+/// What a heat map's view altered, in words.
+fn altered(map: &HeatMap) -> Vec<String> {
+    let mut altered = Vec::new();
+    if map.clipped > 0 {
+        altered.push(match map.clip_percentile {
+            Some(p) => format!("{} pixels beyond the {p}th percentile clipped", map.clipped),
+            None => format!("{} pixels beyond the fixed scale clipped", map.clipped),
+        });
+    }
+    if map.despiked > 0 {
+        altered.push(format!("{} pixels replaced by the median of their 3 x 3 neighbours", map.despiked));
+    }
+    altered
 }
 
 fn file_name(path: &Path) -> String {
@@ -429,7 +459,8 @@ fn labelled(metric: Metric) -> String {
     if unit.is_empty() { metric.label().to_owned() } else { format!("{} ({unit})", metric.label()) }
 }
 
-fn card(hotspot: &hotspot_cost::Hotspot) -> HotspotCard {
+fn card(hotspot: &hotspot_cost::Hotspot, object_triangles: &[u64]) -> HotspotCard {
+    let triangles = hotspot.object.and_then(|object| object_triangles.get(object as usize)).copied();
     let [left, top, right, bottom] = hotspot.bbox;
     let f = &hotspot.factors;
     let factors = [
@@ -452,29 +483,8 @@ fn card(hotspot: &hotspot_cost::Hotspot) -> HotspotCard {
         pixel_share: hotspot.pixel_share,
         cost_share: hotspot.cost_share,
         cause: hotspot.cause.clone(),
-        fix: fix(hotspot),
+        fix: hotspots::fix(hotspot, triangles),
         factors: facts,
-    }
-}
-
-/// What to try first, from the strongest factor.
-fn fix(hotspot: &hotspot_cost::Hotspot) -> String {
-    let f = &hotspot.factors;
-    let factor = |x: Option<f64>| x.unwrap_or(0.0);
-    let (rays, nodes, shapes) = (factor(f.rays_per_path), factor(f.nodes_per_ray), factor(f.shapes_per_ray));
-    let strongest = rays.max(nodes).max(shapes);
-    if strongest < 1.25 {
-        return String::new();
-    }
-    if strongest == rays {
-        "Paths stay long here: close gaps that trap them, darken near-white surfaces that face each other, or lower \
-         --max-depth"
-            .into()
-    } else if strongest == nodes {
-        "Rays cross many boxes here: split large or long thin meshes, and keep objects from overlapping each other's bounds"
-            .into()
-    } else {
-        "Rays meet many triangles here: simplify the mesh where it is denser than the picture can show".into()
     }
 }
 

@@ -7,7 +7,7 @@ use crate::progress::Talker;
 use crate::{demo, memory};
 use hotspot_cost::document::{Note, Tree};
 use hotspot_cost::exr_io::Header;
-use hotspot_cost::{Document, LayerOptions, Layers, hotspots};
+use hotspot_cost::{Document, LayerOptions, Layers, Metric, hotspots};
 use hotspot_integrator::{
     BuildOptions, Control, Gather, Isa, Quality, RenderScene, Rendered, SamplerKind, Settings, Stop,
     frame_bounds, render,
@@ -38,6 +38,14 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
         scene.environment = Some(Environment::Constant(rgb.0));
     }
     let load_seconds = start.elapsed().as_secs_f64();
+    if args.metrics.split(',').any(|name| name.trim() == "ledgers") {
+        talker.warn("note: --metrics ledgers: ledgers are not gathered yet; the other metrics are");
+    }
+    if args.intervals && (args.samples() % 2 == 1 || args.cost_spp.is_some_and(|k| k % 2 == 1)) {
+        talker.warn(
+            "note: --intervals: sample counts are rounded up to even, so that both halves have as many",
+        );
+    }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.threads.unwrap_or(0) as usize)
         .build()
@@ -74,13 +82,14 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
         radiance: !args.no_radiance,
         var: args.layers.contains(&LayersArg::Var),
     };
+    talker.say("sampling done; writing layers, maps and the report");
     let layers = Layers::from_frame(&rendered.frame, &options);
     let objects =
         if rendered.frame.desc().cost { hotspots::first_objects(&rendered.frame) } else { Vec::new() };
     let mut document = Document::of_frame(&rendered.frame, &options);
     document.generator = format!("hotspot-render {}", env!("CARGO_PKG_VERSION"));
     document.scene = scene_name.clone();
-    document.command = std::env::args().collect();
+    document.command = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
     document.settings = described_settings(args, &settings, &camera);
     document.render.seconds = rendered.seconds;
     document.render.load_seconds = load_seconds;
@@ -100,10 +109,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     document.unmodelled = unmodelled;
     document.repairs =
         repairs.into_iter().map(|r| Note { what: r.what, element: r.element, count: r.count }).collect();
-    note_non_finite(&talker, &rendered, args, &mut document);
+    note_non_finite(&talker, &rendered, &mut document);
     if settings.gather.cost {
-        document.hotspots =
-            hotspots::of_frame(&rendered.frame, args.cost_model(), prepared.objects(), HOTSPOTS);
+        document.hotspots = find_hotspots(args, &settings, &rendered, &layers, &objects, &prepared);
         document.verdict = hotspots::verdict(&document.hotspots);
     }
     document.memory.peak = memory::peak();
@@ -116,6 +124,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
         header,
         objects: &objects,
         object_names: prepared.objects(),
+        object_triangles: &prepared.object_triangles(),
         write_exr: true,
     })?;
     for file in &page.files {
@@ -123,6 +132,24 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     }
     summarise(&talker, &document, &rendered);
     finish(&talker, &rendered, args, &document, &page.page)
+}
+
+/// Hotspots of what was asked for: `intersection` where it is shown, else the first shown of the metrics that can stand for
+/// the cost. Empty when none of them is.
+fn find_hotspots(
+    args: &RenderArgs,
+    settings: &Settings,
+    rendered: &Rendered,
+    layers: &Layers,
+    objects: &[u32],
+    prepared: &RenderScene,
+) -> Vec<hotspot_cost::Hotspot> {
+    if layers.metric(Metric::Intersection).is_some() && settings.gather.trace_shadow_rays {
+        return hotspots::of_frame(&rendered.frame, args.cost_model(), prepared.objects(), HOTSPOTS);
+    }
+    let shown = [Metric::Nodes, Metric::Rays, Metric::Shapes, Metric::TimeUs];
+    let Some(metric) = shown.into_iter().find(|m| layers.metric(*m).is_some()) else { return Vec::new() };
+    hotspots::of_layers(layers, metric, objects, prepared.objects(), HOTSPOTS)
 }
 
 fn load(args: &RenderArgs) -> Result<Scene, Fail> {
@@ -223,7 +250,6 @@ fn settings(
     height: u32,
     metrics: hotspot_cost::MetricSet,
 ) -> Result<Settings, Fail> {
-    use hotspot_cost::Metric;
     if args.intervals && args.samples() < 2 {
         return Err(Fail::usage("--intervals needs at least two samples per pixel; raise --spp"));
     }
@@ -315,21 +341,17 @@ fn described_settings(
 }
 
 /// Non-finite samples are counted in the document and shown with the command that reproduces the first.
-fn note_non_finite(talker: &Talker, rendered: &Rendered, args: &RenderArgs, document: &mut Document) {
+fn note_non_finite(talker: &Talker, rendered: &Rendered, document: &mut Document) {
     let Some(first) = rendered.non_finite.first() else { return };
-    let desc = rendered.frame.desc();
-    let scene = args.scene.as_deref().map_or("--demo".into(), |p| p.display().to_string());
     talker.warn(&format!(
-        "warning: {} samples had a radiance that is not finite and count as black; the first is sample {} of pixel \
-         ({}, {}): hotspot-render {scene} --size {}x{} --seed {} --spp {} shows it again; please report it",
+        "warning: {} samples had a radiance that is not finite and count as black; the first is sample {} of half {} of \
+         pixel ({}, {}); this command shows it again, please report it: {}",
         rendered.non_finite.len(),
         first.sample,
+        first.half,
         first.x,
         first.y,
-        desc.width,
-        desc.height,
-        args.seed,
-        args.samples()
+        document.command.join(" ")
     ));
     document.repairs.push(Note {
         what: "samples with a radiance that is not finite, counted as black".into(),
@@ -417,6 +439,18 @@ fn summarise(talker: &Talker, document: &Document, rendered: &Rendered) {
     }
 }
 
+/// Where the cost is, and where to look.
+pub(crate) fn last_line(document: &Document, page: &Path) -> String {
+    let page = page.display();
+    if document.verdict.is_empty() {
+        format!("→ open {page}")
+    } else if document.hotspots.is_empty() {
+        format!("{} → open {page}", document.verdict)
+    } else {
+        format!("Costliest: {} → open {page}", document.verdict)
+    }
+}
+
 /// The last line, and how the command ends.
 fn finish(
     talker: &Talker,
@@ -425,11 +459,7 @@ fn finish(
     document: &Document,
     page: &Path,
 ) -> Result<(), Fail> {
-    if document.verdict.is_empty() {
-        talker.say(&format!("→ open {}", page.display()));
-    } else {
-        talker.say(&format!("Costliest: {} → open {}", document.verdict, page.display()));
-    }
+    talker.say(&last_line(document, page));
     match rendered.stop {
         Stop::Done => Ok(()),
         Stop::TimeLimit => {

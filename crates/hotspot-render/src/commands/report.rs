@@ -38,6 +38,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Fail> {
         header: file.header.clone(),
         objects: &[],
         object_names: &[],
+        object_triangles: &[],
         write_exr: false,
     })?;
     if !args.quiet {
@@ -47,7 +48,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Fail> {
         for written in &page.files {
             crate::say::out!("wrote {written}");
         }
-        crate::say::out!("Costliest: {} → open {}", document.verdict, page.page.display());
+        crate::say::out!("{}", super::render::last_line(&document, &page.page));
     }
     Ok(())
 }
