@@ -234,3 +234,67 @@ fn an_obj_without_camera_and_a_scene_without_light_are_framed_and_lit() {
     assert!(said.contains("no camera in the file") && said.contains("no light in the file"), "{said}");
     assert!(out.join("triangle.exr").exists());
 }
+
+#[test]
+fn a_material_edit_compares_without_force() {
+    let dir = folder();
+    let out = dir.path().join("out");
+    let out = out.to_str().expect("UTF-8");
+    let text = std::fs::read_to_string(scene("cornell-box-red")).expect("the scene");
+    let bin = scene("cornell-box-red").replace(".gltf", ".bin");
+    std::fs::copy(bin, dir.path().join("cornell-box-red.bin")).expect("writable");
+    let matte = dir.path().join("matte.gltf");
+    let glossy = dir.path().join("glossy.gltf");
+    assert!(text.contains("\"specularFactor\": 0"), "{text}");
+    std::fs::write(&matte, &text).expect("writable");
+    std::fs::write(&glossy, text.replace("\"specularFactor\": 0", "\"specularFactor\": 1"))
+        .expect("writable");
+    for file in [&matte, &glossy] {
+        let file = file.to_str().expect("UTF-8");
+        expect(0, &[file, "--size", "24x24", "--spp", "4", "--intervals", "-o", out, "-q"]);
+    }
+    let (a, b) = (format!("{out}/matte.exr"), format!("{out}/glossy.exr"));
+    expect(0, &["compare", &a, &b, "-o", out]);
+}
+
+#[test]
+fn pictures_of_an_earlier_render_do_not_stay_beside_a_json_that_does_not_know_them() {
+    let dir = folder();
+    cornell(dir.path(), "red", &["--maps", "all"]);
+    assert!(dir.path().join("cornell-box-red.cost.leaves.png").exists());
+    cornell(dir.path(), "red", &["--metrics", "none"]);
+    let left: Vec<_> = std::fs::read_dir(dir.path())
+        .expect("the folder")
+        .filter_map(|e| e.ok()?.file_name().into_string().ok())
+        .filter(|name| name.contains(".cost."))
+        .collect();
+    assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn halves_are_even() {
+    let dir = folder();
+    cornell(dir.path(), "red", &["--intervals", "--cost-spp", "3"]);
+    let document = json(&dir.path().join("cornell-box-red.json"));
+    assert_eq!(document["samples_per_pixel"], 8);
+    assert_eq!(document["cost_samples_per_pixel"], 4);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_file_name_that_is_not_utf8_is_no_reason_to_lose_a_render() {
+    use std::os::unix::ffi::OsStrExt;
+    let dir = folder();
+    let obj = dir.path().join(std::ffi::OsStr::from_bytes(b"bad\xff.obj"));
+    // Some file systems refuse such names.
+    if std::fs::write(&obj, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").is_err() {
+        return;
+    }
+    let status = Command::new(env!("CARGO_BIN_EXE_hotspot-render"))
+        .arg(&obj)
+        .args(["--size", "8x8", "--spp", "1", "-q", "-o"])
+        .arg(dir.path().join("out"))
+        .status()
+        .expect("the program starts");
+    assert_eq!(status.code(), Some(0));
+}
