@@ -151,7 +151,7 @@ impl Comparison {
                 .insert(format!("relative.{name}"), a.iter().zip(b).map(|(a, b)| relative(*a, *b)).collect());
             if metric != Metric::TimeUs
                 && let (Some(half_a), Some(half_b)) =
-                    (sides.a.layers.half(metric), sides.b.layers.half(metric))
+                    (inputs::half(&sides.a, metric), inputs::half(&sides.b, metric))
             {
                 let differences: Vec<[f64; 2]> = sides
                     .pixels()

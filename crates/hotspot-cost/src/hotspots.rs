@@ -9,11 +9,11 @@ mod smooth;
 mod words;
 
 pub use smooth::smoothed_lower_bound;
-pub use words::verdict;
+pub use words::{fix, verdict};
 
 use crate::analysis::median;
 use crate::frame::Frame;
-use crate::layers::{LayerOptions, Layers};
+use crate::layers::{LayerOptions, Layers, variance_of_mean};
 use crate::metric::{CostModel, Metric};
 use crate::metric_set::MetricSet;
 use hotspot_probe::NONE;
@@ -32,7 +32,7 @@ pub struct HotspotInput<'a> {
     pub height: u32,
     /// Mean cost per path: `intersection`, or any other measure.
     pub cost: &'a [f32],
-    /// Smoothed lower bound of `cost` ([`smoothed_lower_bound`]); empty: `cost` itself, smoothed.
+    /// Smoothed lower bound of `cost` ([`smoothed_lower_bound`]); empty: the one for unknown variances.
     pub lower: &'a [f32],
     /// First-hit object of each pixel, [`NONE`] for the background.
     pub objects: &'a [u32],
@@ -91,15 +91,71 @@ pub struct Factors {
     pub waste_share: Option<f64>,
 }
 
+/// What hotspots by `intersection` are found from.
+const NEEDED: [Metric; 5] =
+    [Metric::Intersection, Metric::Rays, Metric::Nodes, Metric::Shapes, Metric::Waste];
+
 /// The hotspots of a frame by `intersection`, at most `most`; `names[object]` names an object. Empty without cost.
 pub fn of_frame(frame: &Frame, model: CostModel, names: &[String], most: usize) -> Vec<Hotspot> {
-    let options =
-        LayerOptions { model, metrics: MetricSet::ALL, radiance: false, var: !frame.desc().intervals };
-    of_layers(&Layers::from_frame(frame, &options), Metric::Intersection, &first_objects(frame), names, most)
+    let options = LayerOptions { model, metrics: NEEDED.into_iter().collect(), radiance: false, var: false };
+    let layers = Layers::from_frame(frame, &options);
+    of_frame_layers(frame, &layers, model, &first_objects(frame), names, most)
+}
+
+/// [`of_frame`] for callers that have the frame's layers and [`first_objects`] already: only what lies in neither is made
+/// anew. `layers` must be those of this frame with this cost model.
+///
+/// # Panics
+/// When layers or objects are of another size than the frame.
+pub fn of_frame_layers(
+    frame: &Frame,
+    layers: &Layers,
+    model: CostModel,
+    objects: &[u32],
+    names: &[String],
+    most: usize,
+) -> Vec<Hotspot> {
+    let metric = Metric::Intersection;
+    let absent: MetricSet = NEEDED.into_iter().filter(|metric| layers.metric(*metric).is_none()).collect();
+    if !frame.desc().cost {
+        return Vec::new();
+    }
+    let completed;
+    let layers = if absent.is_empty() {
+        layers
+    } else {
+        let options = LayerOptions { model, metrics: absent, radiance: false, var: false };
+        let mut made = Layers::from_frame(frame, &options);
+        for metric in NEEDED {
+            for name in [metric.layer(), format!("half.{}", metric.name()), format!("var.{}", metric.name())]
+            {
+                if let Some(plane) = layers.plane(&name) {
+                    made.insert(name, plane.to_vec());
+                }
+            }
+        }
+        completed = made;
+        &completed
+    };
+    if layers.half(metric).is_some() || layers.var(metric).is_some() {
+        return of_layers(layers, metric, objects, names, most);
+    }
+    let variances = frame
+        .pixels()
+        .map(|(x, y)| {
+            let pixel = frame.cost_total(x, y);
+            metric
+                .squares(&pixel, model)
+                .and_then(|squares| variance_of_mean(metric.sum(&pixel, model), squares, pixel.samples))
+                .map_or(0.0, |variance| variance as f32)
+        })
+        .collect();
+    with_variances(layers, metric, Some((variances, None)), objects, names, most)
 }
 
 /// The hotspots of layers by a metric of choice; `objects` may be empty. The lower bound follows from `half.*`, else from
-/// `var.*`, else it is the smoothed mean itself. Empty without that metric.
+/// `var.*`. Where neither tells the noise (a single sample, other programs' files) it follows from how the costs of the
+/// pixels around differ ([`smoothed_lower_bound`]). Empty without that metric.
 ///
 /// # Panics
 /// When `objects` is not empty and does not hold width × height values.
@@ -110,13 +166,37 @@ pub fn of_layers(
     names: &[String],
     most: usize,
 ) -> Vec<Hotspot> {
-    let Some(cost) = layers.metric(metric) else { return Vec::new() };
-    let samples = layers.plane("cost.samples").map_or(2.0, |plane| f64::from(median(plane)));
-    let (variances, dof) = match (layers.half(metric), layers.var(metric)) {
-        (Some(half), _) => (half.iter().map(|half| half * half).collect(), 1.0),
-        (None, Some(var)) => (var.to_vec(), (samples - 1.0).max(1.0)),
-        (None, None) => (vec![0.0; cost.len()], 1.0),
+    let variances = match (layers.half(metric), layers.var(metric)) {
+        (Some(half), _) => Some((half.iter().map(|half| half * half).collect(), Some(1.0))),
+        (None, Some(var)) => Some((var.to_vec(), None)),
+        (None, None) => None,
     };
+    with_variances(layers, metric, variances, objects, names, most)
+}
+
+/// The hotspots with the variances of the pixels' means and their degrees of freedom: one less than samples when `None`.
+fn with_variances(
+    layers: &Layers,
+    metric: Metric,
+    variances: Option<(Vec<f32>, Option<f64>)>,
+    objects: &[u32],
+    names: &[String],
+    most: usize,
+) -> Vec<Hotspot> {
+    let Some(cost) = layers.metric(metric) else { return Vec::new() };
+    let samples = layers.plane("cost.samples");
+    let (mut variances, dof) = variances.unwrap_or_else(|| (vec![f32::NAN; cost.len()], Some(1.0)));
+    let dof = dof.unwrap_or_else(|| (samples.map_or(2.0, |plane| f64::from(median(plane))) - 1.0).max(1.0));
+    if variances.iter().all(|variance| *variance == 0.0) {
+        variances.fill(f32::NAN);
+    } else if let Some(samples) = samples {
+        // One sample shows no variance.
+        for (variance, samples) in variances.iter_mut().zip(samples) {
+            if *variance == 0.0 && (*samples > 0.0 && *samples < 2.0) {
+                *variance = f32::NAN;
+            }
+        }
+    }
     let lower = smoothed_lower_bound(layers.width, layers.height, cost, &variances, dof, objects);
     let plane = |metric| layers.metric(metric).unwrap_or_default();
     let input = HotspotInput {
@@ -157,8 +237,14 @@ pub fn find(input: &HotspotInput<'_>, names: &[String], most: usize) -> Vec<Hots
     }
     let smoothed;
     let lower = if input.lower.is_empty() {
-        smoothed =
-            smoothed_lower_bound(input.width, input.height, cost, &vec![0.0; pixels], 1.0, input.objects);
+        smoothed = smoothed_lower_bound(
+            input.width,
+            input.height,
+            cost,
+            &vec![f32::NAN; pixels],
+            1.0,
+            input.objects,
+        );
         &smoothed
     } else {
         input.lower

@@ -5,8 +5,9 @@
 //! With intervals a frame keeps two halves, a and b. The mean of a pixel is the mean of all its samples;
 //! `half.X = (mean of a − mean of b)/2`. Where both halves have as many samples (what the renderer does) a = mean + half
 //! and b = mean − half, up to rounding, and half² estimates the variance of the mean with one degree of freedom. Where
-//! they have not, half² is larger on average: (s²/n_a + s²/n_b)/4 ≥ s²/(n_a + n_b), so intervals err on the wide side. A
-//! half without samples counts as 0.
+//! they have not, a and b do not follow from mean and half, and half² is larger on average: (s²/n_a + s²/n_b)/4 ≥
+//! s²/(n_a + n_b), so intervals err on the wide side. Where a half has no samples nothing is known of the spread: half is 0,
+//! and no interval is made of it.
 
 use crate::frame::Frame;
 use crate::metric::{CostModel, Metric};
@@ -84,6 +85,18 @@ impl Layers {
         Metric::ALL.into_iter().filter(|metric| self.metric(*metric).is_some())
     }
 
+    /// Planes named `cost.*` that are no metric known here: other programs' costs.
+    pub fn foreign_cost(&self) -> Vec<&str> {
+        self.planes
+            .keys()
+            .map(String::as_str)
+            .filter(|name| {
+                name.strip_prefix("cost.").is_some_and(|rest| !rest.is_empty() && rest != "samples")
+                    && !Metric::ALL.iter().any(|metric| metric.layer() == *name)
+            })
+            .collect()
+    }
+
     /// Adds a plane.
     ///
     /// # Panics
@@ -108,7 +121,7 @@ impl Layers {
                         .pixels()
                         .map(|(x, y)| {
                             half([0, 1].map(|half| {
-                                frame.film(x, y, half).map_or(0.0, |f| mean(f.sum[channel], f.samples))
+                                frame.film(x, y, half).map_or((0.0, 0), |f| (f.sum[channel], f.samples))
                             }))
                         })
                         .collect();
@@ -133,7 +146,13 @@ impl Layers {
             if intervals {
                 let plane = frame
                     .pixels()
-                    .map(|(x, y)| half([0, 1].map(|half| frame.cost(x, y, half).map_or(0.0, mean_of))))
+                    .map(|(x, y)| {
+                        half([0, 1].map(|half| {
+                            frame
+                                .cost(x, y, half)
+                                .map_or((0.0, 0), |p| (metric.sum(p, options.model), metric.samples(p)))
+                        }))
+                    })
                     .collect();
                 layers.insert(format!("half.{}", metric.name()), plane);
             }
@@ -167,9 +186,12 @@ pub(crate) fn mean(sum: f64, samples: u64) -> f64 {
     if samples == 0 { 0.0 } else { sum / samples as f64 }
 }
 
-/// Half the difference of two halves' means.
-fn half([a, b]: [f64; 2]) -> f32 {
-    (0.5 * (a - b)) as f32
+/// Half the difference of two halves' means, from their sums and samples; 0 when a half is empty.
+fn half([a, b]: [(f64, u64); 2]) -> f32 {
+    if a.1 == 0 || b.1 == 0 {
+        return 0.0;
+    }
+    (0.5 * (mean(a.0, a.1) - mean(b.0, b.1))) as f32
 }
 
 /// s²/n with s² = (Σx² − (Σx)²/n)/(n − 1), at least 0; `None` for fewer than two samples.
@@ -274,6 +296,28 @@ mod tests {
         add(&mut frame, 1, &[2]);
         let layers = Layers::from_frame(&frame, &LayerOptions::default());
         assert_eq!((layers.planes["cost.nodes"][0], layers.planes["half.nodes"][0]), (8.0, 4.0));
+    }
+
+    #[test]
+    fn an_empty_half_says_nothing() {
+        let mut frame = Frame::new(FrameDesc { intervals: true, ..FrameDesc::new(1, 1) });
+        add(&mut frame, 0, &[10]);
+        let layers = Layers::from_frame(&frame, &LayerOptions::default());
+        assert_eq!(layers.planes["cost.nodes"][0], 10.0);
+        for (name, plane) in layers.planes.iter().filter(|(name, _)| name.starts_with("half.")) {
+            assert_eq!(plane[0], 0.0, "{name}");
+        }
+    }
+
+    #[test]
+    fn foreign_costs_are_told_from_known_ones() {
+        let mut layers = Layers::new(1, 1);
+        for name in
+            ["cost.nodes", "cost.samples", "cost.bvh_visits", "cost.", "R", "half.x", "cost.Texture (KiB)"]
+        {
+            layers.insert(name, vec![1.0]);
+        }
+        assert_eq!(layers.foreign_cost(), ["cost.Texture (KiB)", "cost.bvh_visits"]);
     }
 
     #[test]

@@ -3,7 +3,8 @@
 //! A renderer feeds the recorder (the paper is *Identifying and Visualizing Computational Hotspots in Path Tracing*,
 //! Sundarrajan, van de Ruit, Eisemann 2022); everything else follows from the [`Frame`]: [`Layers`] for an EXR file
 //! (`exr_io`), totals with intervals ([`stats`]), hotspots with causes ([`hotspots`]), the [`Document`] beside the
-//! picture, and the [`Comparison`] of two renders. Nothing here prints, starts threads or keeps global state.
+//! picture, and the [`Comparison`] of two renders. Nothing here prints or keeps
+//! global state, and only the HTML page starts threads, that end with it.
 //!
 //! ```
 //! use hotspot_cost::{Cause, CostModel, Frame, FrameDesc, LayerOptions, Layers, Metric, PathEnd, stats};
@@ -41,6 +42,8 @@ pub mod hotspots;
 mod layers;
 mod metric;
 mod metric_set;
+#[cfg_attr(not(feature = "report"), allow(dead_code, reason = "the page alone uses some of it"))]
+mod names;
 mod recorder;
 pub mod stats;
 mod student;

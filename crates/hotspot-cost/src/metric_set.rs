@@ -119,6 +119,17 @@ impl MetricSet {
     }
 }
 
+impl FromIterator<Metric> for MetricSet {
+    /// The metrics and their shadow parts.
+    fn from_iter<I: IntoIterator<Item = Metric>>(metrics: I) -> Self {
+        let mut set = Self::NONE;
+        for metric in metrics {
+            set.insert(metric);
+        }
+        set
+    }
+}
+
 impl Default for MetricSet {
     fn default() -> Self {
         Self::ALL

@@ -3,7 +3,8 @@
 //! A frame's mean per path is M = Σ_p S_p / N: the sums of all pixels over the number of paths. With n_p paths in pixel p
 //! and w_p = n_p/N, Var M = Σ w_p² Var(m_p), pixels being independent. What stands for Var(m_p):
 //! - [`CiKind::Halves`]: half_p² = ((m_a − m_b)/2)², from two independently scrambled halves; unbiased for the mean, one
-//!   degree of freedom per pixel;
+//!   degree of freedom per pixel. Where the halves differ in their samples it errs on the wide side; where a sampled pixel
+//!   has an empty half, halves are not used at all;
 //! - [`CiKind::Conservative`]: s_p²/n_p with n_p − 1 degrees of freedom. Within one scrambled Sobol sequence samples are
 //!   negatively correlated on the whole, so this is an upper bound. Pixels with one path each are treated as one
 //!   stratum with the variance among them, which holds the differences between pixels too and is larger still.
@@ -62,8 +63,8 @@ pub fn total(frame: &Frame, metric: Metric, model: CostModel) -> Total {
     let mean = mean(sum.as_f64(), samples);
     let (variance, ci_kind) = if metric == Metric::TimeUs || samples == 0 {
         (None, CiKind::None)
-    } else if frame.desc().intervals {
-        (Some(halves_variance(frame, metric, model, samples)), CiKind::Halves)
+    } else if let Some(variance) = halves_variance(frame, metric, model, samples) {
+        (Some(variance), CiKind::Halves)
     } else {
         match conservative_variance(frame, metric, model, samples) {
             Some(variance) => (Some(variance), CiKind::Conservative),
@@ -77,18 +78,25 @@ pub fn total(frame: &Frame, metric: Metric, model: CostModel) -> Total {
     Total { sum, mean, ci95, ci_kind }
 }
 
-fn halves_variance(frame: &Frame, metric: Metric, model: CostModel, samples: u64) -> Variance {
+/// `None` without halves, and when a half of a sampled pixel is empty: that pixel's spread is unknown.
+fn halves_variance(frame: &Frame, metric: Metric, model: CostModel, samples: u64) -> Option<Variance> {
+    if !frame.desc().intervals {
+        return None;
+    }
     let mut variance = Variance::default();
     for (x, y) in frame.pixels() {
         let halves = [0, 1].map(|half| {
             frame.cost(x, y, half).map_or((0.0, 0), |p| (metric.sum(p, model), metric.samples(p)))
         });
+        if (halves[0].1 == 0) != (halves[1].1 == 0) {
+            return None;
+        }
         let weight = (halves[0].1 + halves[1].1) as f64 / samples as f64;
         let [a, b] = halves.map(|(sum, n)| mean(sum, n));
         let half = weight * 0.5 * (a - b);
         variance.add(half * half, 1.0);
     }
-    variance
+    Some(variance)
 }
 
 fn conservative_variance(frame: &Frame, metric: Metric, model: CostModel, samples: u64) -> Option<Variance> {
@@ -127,6 +135,7 @@ fn conservative_variance(frame: &Frame, metric: Metric, model: CostModel, sample
 /// that no sample has found yet are not in it.
 pub fn estimated_relmse(frame: &Frame) -> Option<(f64, CiKind)> {
     let intervals = frame.desc().intervals;
+    let mut kind = if intervals { CiKind::Halves } else { CiKind::Conservative };
     let (mut sum, mut pixels) = (0.0, 0_u64);
     for (x, y) in frame.pixels() {
         let film = frame.film_total(x, y);
@@ -134,9 +143,14 @@ pub fn estimated_relmse(frame: &Frame) -> Option<(f64, CiKind)> {
             continue;
         }
         pixels += 1;
+        let halves =
+            intervals && (0..2).all(|half| frame.film(x, y, half).is_some_and(|film| film.samples > 0));
+        if !halves {
+            kind = CiKind::Conservative;
+        }
         for channel in 0..3 {
             let value = mean(film.sum[channel], film.samples);
-            let variance = if intervals {
+            let variance = if halves {
                 let [a, b] = [0, 1]
                     .map(|half| frame.film(x, y, half).map_or(0.0, |f| mean(f.sum[channel], f.samples)));
                 0.25 * (a - b) * (a - b)
@@ -146,7 +160,6 @@ pub fn estimated_relmse(frame: &Frame) -> Option<(f64, CiKind)> {
             sum += variance / (value * value + 0.01);
         }
     }
-    let kind = if intervals { CiKind::Halves } else { CiKind::Conservative };
     (pixels > 0).then(|| (sum / (3 * pixels) as f64, kind))
 }
 

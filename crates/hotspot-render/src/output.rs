@@ -429,7 +429,11 @@ fn altered(map: &HeatMap) -> Vec<String> {
         });
     }
     if map.despiked > 0 {
-        altered.push(format!("{} pixels replaced by the median of their 3 x 3 neighbours", map.despiked));
+        altered.push(format!(
+            "{} spikes (beyond the 99.9th percentile, or far above their neighbours) replaced by the median of their \
+             3 x 3 neighbours",
+            map.despiked
+        ));
     }
     altered
 }

@@ -1,7 +1,7 @@
 //! The two sides of a comparison: whether they may be compared, what they share, their means and variances.
 
 use super::Side;
-use crate::document::Document;
+use crate::document::{Document, Tree};
 use crate::error::{Error, Result};
 use crate::metric::Metric;
 use crate::stats::CiKind;
@@ -44,7 +44,7 @@ impl<'a> Sides<'a> {
             notes.push("the sizes differ: totals alone are compared, as if independent".to_owned());
         }
         let mut weighted = true;
-        match (a.document, b.document) {
+        match (a.document.filter(|d| tells(d)), b.document.filter(|d| tells(d))) {
             (Some(a), Some(b)) => {
                 obstacles.extend(unlike(a, b));
                 notes.extend(remarks(a, b));
@@ -76,7 +76,7 @@ impl<'a> Sides<'a> {
                 "render both with the same --metrics",
             ));
         }
-        let halves = |side: &Side<'_>| metrics.iter().any(|metric| side.layers.half(*metric).is_some());
+        let halves = |side: &Side<'_>| metrics.iter().any(|metric| half(side, *metric).is_some());
         for side in [&a, &b] {
             if !halves(side) {
                 notes.push(format!(
@@ -124,7 +124,7 @@ impl<'a> Sides<'a> {
     /// Variance of B − ratio·A with its kind; `None` when a side has none.
     pub(super) fn variance(&self, metric: Metric, ratio: f64) -> Option<(Variance, CiKind)> {
         if self.same_size
-            && let (Some(a), Some(b)) = (self.a.layers.half(metric), self.b.layers.half(metric))
+            && let (Some(a), Some(b)) = (half(&self.a, metric), half(&self.b, metric))
         {
             let weight = 1.0 / self.count(&self.a, metric).max(1.0);
             let mut variance = Variance::default();
@@ -161,7 +161,7 @@ impl<'a> Sides<'a> {
                 }
             }
         };
-        if let Some(half) = side.layers.half(metric) {
+        if let Some(half) = half(side, metric) {
             add(half, true, &|_| 1.0);
             return Some(CiKind::Halves);
         }
@@ -181,9 +181,25 @@ impl<'a> Sides<'a> {
     }
 }
 
+/// The half differences, where they say something: pixels with a single path have one half alone and a difference of 0.
+pub(super) fn half<'a>(side: &Side<'a>, metric: Metric) -> Option<&'a [f32]> {
+    let lone = |samples: &[f32]| samples.iter().any(|samples| *samples > 0.0 && *samples < 2.0);
+    if side.layers.plane("cost.samples").is_some_and(lone) { None } else { side.layers.half(metric) }
+}
+
 fn counted(side: &Side<'_>, index: usize, metric: Metric) -> bool {
     let samples = side.layers.plane("cost.samples").is_none_or(|samples| samples[index] > 0.0);
     samples && side.layers.metric(metric).is_some_and(|plane| plane[index].is_finite())
+}
+
+/// Whether a document says how its counts came about; other programs' do not.
+fn tells(document: &Document) -> bool {
+    document.tree != Tree::default() || !document.render.kernel.is_empty()
+}
+
+/// A kernel's name without what does not change counts: instruction set and scene class follow in further words.
+fn kernel(document: &Document) -> &str {
+    document.render.kernel.split_whitespace().next().unwrap_or_default()
 }
 
 /// What makes counts incomparable.
@@ -195,8 +211,8 @@ fn unlike(a: &Document, b: &Document) -> Vec<String> {
     if a.tree.builder != b.tree.builder {
         unlike.push(format!("builder ({} and {})", a.tree.builder, b.tree.builder));
     }
-    if a.render.kernel != b.render.kernel {
-        unlike.push(format!("kernel ({} and {})", a.render.kernel, b.render.kernel));
+    if kernel(a) != kernel(b) {
+        unlike.push(format!("kernel ({} and {})", kernel(a), kernel(b)));
     }
     unlike
 }
@@ -208,6 +224,12 @@ fn remarks(a: &Document, b: &Document) -> Vec<String> {
         remarks.push(format!(
             "paths per pixel differ: {} and {}",
             a.cost_samples_per_pixel, b.cost_samples_per_pixel
+        ));
+    }
+    if kernel(a) == kernel(b) && a.render.kernel != b.render.kernel {
+        remarks.push(format!(
+            "instruction set or scene class differ, which does not change counts: {} and {}",
+            a.render.kernel, b.render.kernel
         ));
     }
     let names: std::collections::BTreeSet<_> = a.settings.keys().chain(b.settings.keys()).collect();

@@ -171,11 +171,12 @@ fn unlike_renders_are_refused_unless_forced() {
     let a = NOISY.render(&mut Random::new(8));
     let mut one = Document::default();
     one.tree.width = 8;
+    one.render.kernel = "single".to_owned();
     type Change = fn(&mut Document);
     let changes: [(&str, Change); 3] = [
         ("tree width (8 and 2)", |d| d.tree.width = 2),
         ("builder ( and sah)", |d| d.tree.builder = "sah".to_owned()),
-        ("kernel ( and packet)", |d| d.render.kernel = "packet".to_owned()),
+        ("kernel (single and packet)", |d| d.render.kernel = "packet".to_owned()),
     ];
     for (what, change) in changes {
         let mut two = one.clone();
@@ -209,8 +210,9 @@ fn renders_of_two_sizes_compare_in_total_alone() {
 fn other_constants_leave_out_what_they_weigh() {
     let mut a = NOISY.render(&mut Random::new(9));
     a.insert("cost.intersection", a.planes["cost.nodes"].clone());
-    let one = Document::default();
-    let two = Document { cost_model: crate::CostModel { c0: 2.0, c1: 1.0 }, ..Document::default() };
+    let mut one = Document::default();
+    one.tree.width = 8;
+    let two = Document { cost_model: crate::CostModel { c0: 2.0, c1: 1.0 }, ..one.clone() };
     let [x, y] = [&one, &two].map(|document| Side { document: Some(document), ..side(&a) });
     assert!(compare(x, x, false).unwrap().totals.contains_key("intersection"));
     let comparison = compare(x, y, false).unwrap();
@@ -277,4 +279,39 @@ fn the_json_has_the_keys_that_scripts_rely_on() {
     }
     let back: Comparison = serde_json::from_value(json).unwrap();
     assert_eq!(back, Comparison { layers: Layers::default(), ..comparison });
+}
+
+#[test]
+fn scene_class_and_instruction_set_do_not_stand_in_the_way() {
+    let a = NOISY.render(&mut Random::new(12));
+    let [one, two] = ["bvh8-single-ray avx2 matte", "bvh8-single-ray sse2 lobes"].map(|kernel| {
+        let mut document = Document::default();
+        document.render.kernel = kernel.to_owned();
+        document
+    });
+    let [x, y] = [&one, &two].map(|document| Side { document: Some(document), ..side(&a) });
+    let comparison = compare(x, y, false).unwrap();
+    assert!(!comparison.forced);
+    assert!(
+        comparison.notes.iter().any(|note| note.contains("avx2 matte and bvh8")),
+        "{:?}",
+        comparison.notes
+    );
+    // A document that says nothing is none.
+    let mut full = one.clone();
+    full.tree.width = 8;
+    let empty = Document::default();
+    let [x, y] = [&full, &empty].map(|document| Side { document: Some(document), ..side(&a) });
+    let comparison = compare(x, y, false).unwrap();
+    assert!(!comparison.forced && comparison.notes.iter().any(|note| note.contains("document is missing")));
+}
+
+#[test]
+fn lone_samples_have_no_halves() {
+    let mut a = NOISY.render(&mut Random::new(13));
+    let pixels = a.pixels();
+    a.insert("cost.samples", vec![1.0; pixels]);
+    a.insert("half.nodes", vec![0.0; pixels]);
+    let (change, tests, _) = nodes(&a, &a);
+    assert_eq!((change.ci95, change.ci_kind, tests.tested), (None, CiKind::None, None));
 }

@@ -60,8 +60,8 @@ fn objects_split_what_touches_and_cost_does_not_bleed() {
     assert_eq!(boxes, [(Some(1), [30, 20, 40, 32]), (None, [40, 20, 50, 32])]);
     assert_eq!(
         verdict(&found),
-        "41 % of the cost lies in 4 % of the pixels: \"Wardrobe mirror\""
-            .replace("41 %", &format!("{:.0} %", found[0].cost_share * 100.0))
+        // 21 600 of 49 920 in 240 of 3072 pixels.
+        "43 % of the cost lies in 8 % of the pixels: \"Wardrobe mirror\" and around pixel (40, 20)"
     );
     // Without objects they are one.
     let found = find(&HotspotInput { objects: &[], ..input(&cost, &objects) }, &names(), 10);
@@ -107,9 +107,9 @@ fn noise_alone_is_hardly_ever_a_hotspot() {
             *found += hotspots.iter().map(|hotspot| hotspot.pixels).sum::<usize>();
         }
     }
-    // Of 20 × 3072 pixels. One in a thousand exceeds its bound by chance, few of them in patches of 16; without the bound
-    // nearly half do.
-    assert!(found[0] <= 60 && found[1] >= 20_000, "{found:?}");
+    // Of 20 × 3072 pixels. One in a thousand exceeds its bound by chance, few of them in patches of 16; without any bound
+    // nearly half would.
+    assert!(found[0] <= 60 && found[1] <= 60, "{found:?}");
 }
 
 #[test]
@@ -118,7 +118,7 @@ fn an_even_picture_has_none() {
     assert!(find(&input(&cost, &[]), &[], 10).is_empty());
     assert!(find(&input(&vec![0.0; cost.len()], &[]), &[], 10).is_empty());
     assert!(find(&input(&vec![f32::NAN; cost.len()], &[]), &[], 10).is_empty());
-    assert!(verdict(&[]).contains("evenly"));
+    assert!(verdict(&[]).starts_with("No region stands out from the noise"));
 }
 
 #[test]
@@ -156,4 +156,112 @@ fn frames_and_layers_lead_to_the_same_hotspots() {
         assert_eq!(of_layers(&layers, Metric::Intersection, &first_objects(&frame), &[], 50), found);
         assert!(of_layers(&Layers::new(2, 2), Metric::Intersection, &[], &[], 5).is_empty());
     }
+}
+
+#[test]
+fn callers_layers_are_reused() {
+    for intervals in [false, true] {
+        let frame = random_frame(FrameDesc { intervals, ..FrameDesc::new(40, 24) }, 8, 1);
+        let objects = first_objects(&frame);
+        let found = of_frame(&frame, CostModel::default(), &[], 50);
+        for (metrics, var) in [("all", false), ("all", true), ("rays", true), ("intersection", false)] {
+            let metrics = MetricSet::parse(metrics).unwrap();
+            let layers =
+                Layers::from_frame(&frame, &LayerOptions { metrics, var, ..LayerOptions::default() });
+            assert_eq!(of_frame_layers(&frame, &layers, CostModel::default(), &objects, &[], 50), found);
+        }
+        assert!(found.iter().all(|hotspot| hotspot.factors.rays_per_path.is_some()));
+    }
+}
+
+/// Layers of uniform noise, with a block of cost where `block` says so.
+fn foreign(seed: u64, samples: Option<f32>, block: f32) -> Layers {
+    let mut random = Random::new(seed);
+    let mut layers = Layers::new(WIDTH, HEIGHT);
+    let cost = (0..WIDTH * HEIGHT)
+        .map(|index| {
+            let inside = (20..36).contains(&(index % WIDTH)) && (10..26).contains(&(index / WIDTH));
+            200.0 * random.unit() as f32 + if inside { block } else { 0.0 }
+        })
+        .collect();
+    layers.insert("cost.nodes", cost);
+    if let Some(samples) = samples {
+        layers.insert("var.nodes", vec![0.0; layers.pixels()]);
+        layers.insert("cost.samples", vec![samples; layers.pixels()]);
+    }
+    layers
+}
+
+#[test]
+fn without_variances_noise_is_judged_by_its_neighbourhood() {
+    for samples in [None, Some(1.0)] {
+        let mut found = 0;
+        for seed in 0..10 {
+            let hotspots = of_layers(&foreign(seed, samples, 0.0), Metric::Nodes, &[], &[], 10);
+            found += hotspots.iter().map(|hotspot| hotspot.pixels).sum::<usize>();
+            let hotspots = of_layers(&foreign(seed, samples, 200.0), Metric::Nodes, &[], &[], 10);
+            let [left, top, right, bottom] = hotspots[0].bbox;
+            assert!(left.abs_diff(20) <= 4 && top.abs_diff(10) <= 4, "{hotspots:?}");
+            assert!(right.abs_diff(36) <= 4 && bottom.abs_diff(26) <= 4, "{hotspots:?}");
+        }
+        // Of 30 720 pixels.
+        assert!(found <= 30, "{found}");
+    }
+    assert!(of_layers(&foreign(1, None, 0.0), Metric::Nodes, &[], &[], 10).is_empty());
+}
+
+#[test]
+fn advice_follows_the_cause() {
+    let hotspot = |rays, nodes, shapes, waste| Hotspot {
+        pixels: 100,
+        factors: Factors {
+            rays_per_path: Some(rays),
+            nodes_per_ray: Some(nodes),
+            shapes_per_ray: Some(shapes),
+            waste_share: Some(waste),
+            ..Factors::default()
+        },
+        ..Hotspot::default()
+    };
+    assert!(fix(&hotspot(2.0, 1.0, 1.0, 0.9), Some(1)).contains("--max-depth"));
+    assert!(fix(&hotspot(1.0, 1.0, 2.0, 0.0), Some(5000)).starts_with("Simplify this object's mesh"));
+    for triangles in [None, Some(12), Some(100)] {
+        for (nodes, shapes) in [(2.0, 1.0), (1.0, 2.0)] {
+            let advice = fix(&hotspot(1.0, nodes, shapes, 0.0), triangles);
+            assert!(advice.contains("elsewhere") && !advice.contains("this object"), "{advice}");
+        }
+    }
+    assert!(fix(&hotspot(1.0, 1.0, 1.0, 0.9), None).contains("no light"));
+    assert_eq!(fix(&hotspot(1.3, 1.3, 1.3, 0.2), Some(1 << 40)), "");
+    assert_eq!(fix(&Hotspot::default(), None), "");
+}
+
+#[test]
+fn hostile_names_are_tamed_in_the_sentence() {
+    let name = format!("a\n\u{202e}\u{1b}[31m{}", "x".repeat(500));
+    let hotspot =
+        Hotspot { name: Some(name), cost_share: 0.5, pixel_share: 0.1, excess: 1.0, ..Hotspot::default() };
+    let sentence = verdict(&[hotspot]);
+    assert!(!sentence.chars().any(|c| c.is_control() || c == '\u{202e}'), "{sentence}");
+    assert!(sentence.ends_with("x…\"") && sentence.chars().count() < 130, "{sentence}");
+}
+
+/// How long hotspots of 1920 × 1080 take: `cargo test -p hotspot-cost -- --ignored --nocapture full_hd`.
+#[test]
+#[ignore = "measures"]
+#[expect(clippy::print_stderr, reason = "its result")]
+fn full_hd() {
+    let frame = random_frame(FrameDesc::new(1920, 1080), 2, 1);
+    let start = std::time::Instant::now();
+    let options = LayerOptions { var: true, ..LayerOptions::default() };
+    let layers = Layers::from_frame(&frame, &options);
+    let all = start.elapsed().as_secs_f64();
+    let start = std::time::Instant::now();
+    let found = of_frame(&frame, CostModel::default(), &[], 12);
+    let alone = start.elapsed().as_secs_f64();
+    let objects = first_objects(&frame);
+    let start = std::time::Instant::now();
+    assert_eq!(of_frame_layers(&frame, &layers, CostModel::default(), &objects, &[], 12), found);
+    let reused = start.elapsed().as_secs_f64();
+    eprintln!("layers {all:.2} s, of_frame {alone:.2} s, of_frame_layers {reused:.2} s");
 }

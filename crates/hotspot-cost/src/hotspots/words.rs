@@ -1,9 +1,19 @@
 //! Numbers as words.
 
 use super::{Factors, Hotspot};
+use crate::names::in_sentence;
 
 /// Above this factor something is worth a word.
-const NOTABLE: f64 = 1.25;
+const NOTABLE: f64 = 1.4;
+
+/// From this share on, cost in vain is worth a word.
+const WASTED: f64 = 0.5;
+
+/// Longest name within a sentence.
+const NAME: usize = 60;
+
+/// With more triangles per pixel of a hotspot than this, its object's own mesh may be too fine.
+const FINE_MESH: f64 = 1.0;
 
 /// The factors as a sentence, the strongest first.
 pub(super) fn cause(factors: &Factors) -> String {
@@ -20,7 +30,7 @@ pub(super) fn cause(factors: &Factors) -> String {
     .collect();
     parts.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut words: Vec<String> = parts.into_iter().map(|(_, words)| words).collect();
-    if let Some(waste) = factors.waste_share.filter(|share| *share >= 0.5) {
+    if let Some(waste) = factors.waste_share.filter(|share| *share >= WASTED) {
         words.push(format!("{:.0} % of the cost brings no light (blocked or lost rays)", waste * 100.0));
     }
     if words.is_empty() {
@@ -28,6 +38,36 @@ pub(super) fn cause(factors: &Factors) -> String {
     } else {
         words.join("; ")
     }
+}
+
+/// What to try about a hotspot, a sentence for each of its causes and empty when none is known. `object_triangles` is the
+/// number of triangles of the object seen there: a coarser mesh is advised only where that has more than about one triangle
+/// per pixel of the hotspot; elsewhere the dense geometry is what rays meet on leaving it.
+pub fn fix(hotspot: &Hotspot, object_triangles: Option<u64>) -> String {
+    let notable = |factor: Option<f64>| factor.is_some_and(|factor| factor >= NOTABLE);
+    let factors = &hotspot.factors;
+    let mut advice: Vec<&str> = Vec::new();
+    if notable(factors.rays_per_path) {
+        advice.push(
+            "Close gaps that trap paths, darken near-white surfaces that face each other, or lower --max-depth.",
+        );
+    }
+    let (nodes, shapes) = (notable(factors.nodes_per_ray), notable(factors.shapes_per_ray));
+    if nodes || shapes {
+        let per_pixel = object_triangles.map(|triangles| triangles as f64 / hotspot.pixels.max(1) as f64);
+        advice.push(if per_pixel.is_some_and(|per_pixel| per_pixel > FINE_MESH) {
+            "Simplify this object's mesh: it has more triangles than pixels here."
+        } else if nodes {
+            "Rays that leave this surface cross dense geometry elsewhere: simplify or move apart what surrounds it."
+        } else {
+            "Rays that leave this surface are tested against dense geometry elsewhere: look for large or long thin \
+             triangles among fine ones, and subdivide them."
+        });
+    }
+    if advice.is_empty() && factors.waste_share.is_some_and(|share| share >= WASTED) {
+        advice.push("Most of the work brings no light: check for lights that are hidden from here.");
+    }
+    advice.join(" ")
 }
 
 /// A hotspot whose pixels cost this many times the mean is worth a sentence before larger ones that barely stand out.
@@ -38,6 +78,10 @@ const ENOUGH: f64 = 0.75;
 
 /// Dense hotspots are preferred only where they hold at least this share of the cost.
 const WORTHWHILE: f64 = 0.05;
+
+/// The sentence without hotspots.
+const EVEN: &str =
+    "No region stands out from the noise: none can be told apart from the mean cost at this sample count";
 
 /// One sentence for people: `41 % of the cost lies in 9 % of the pixels: "Wardrobe mirror"`. Where hotspots that cost well
 /// above the mean hold a fair share of the cost, the sentence is about them; else about all. Takes them by rank until they
@@ -52,7 +96,7 @@ pub fn verdict(hotspots: &[Hotspot]) -> String {
     let mut names: Vec<String> = Vec::new();
     for hotspot in hotspots {
         let name = match (&hotspot.name, hotspot.object) {
-            (Some(name), _) => format!("\"{name}\""),
+            (Some(name), _) => format!("\"{}\"", in_sentence(name, NAME)),
             (None, Some(object)) => format!("object {object}"),
             (None, None) => format!("around pixel ({}, {})", hotspot.bbox[0], hotspot.bbox[1]),
         };
@@ -68,7 +112,7 @@ pub fn verdict(hotspots: &[Hotspot]) -> String {
         pixels += hotspot.pixel_share;
     }
     let list = match names.as_slice() {
-        [] => return "The cost is spread evenly: no region stands out above the mean".to_owned(),
+        [] => return EVEN.to_owned(),
         [one] => one.clone(),
         [first @ .., last] => format!("{} and {last}", first.join(", ")),
     };

@@ -4,7 +4,7 @@ use super::colormap::SIGNAL;
 use super::heat::HeatOptions;
 use super::numbers::{compact, ordinal, pixels, ticks};
 use super::text::{self, CELL};
-use super::view::View;
+use super::view::{SPIKE, View};
 use image::RgbImage;
 
 const BACKGROUND: [u8; 3] = [24, 25, 28];
@@ -108,7 +108,14 @@ pub fn notes(view: &View) -> Vec<String> {
         None => format!("{range}: nothing clipped"),
     }];
     if view.despiked > 0 {
-        notes.push(format!("despiked: 3x3 median in {} above the 99.9th percentile", pixels(view.despiked)));
+        let above = format!(
+            "despiked: 3x3 median in {} above the 99.9th percentile",
+            pixels(view.despiked - view.spikes)
+        );
+        notes.push(match view.spikes {
+            0 => above,
+            spikes => format!("{above} and in {} above {SPIKE} times their 3x3 median", pixels(spikes)),
+        });
     } else if view.despike_above.is_finite() {
         notes.push("despiked: no pixel needed it".into());
     }

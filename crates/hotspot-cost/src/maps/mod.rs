@@ -22,4 +22,4 @@ pub use heat::{HeatMap, HeatOptions, heat_map};
 pub use legend::notes;
 pub use numbers::{compact, ticks};
 pub use picture::{crop, encode_png, thumbnail, write_atomic, write_png};
-pub use view::{DEFAULT_CLIP, Scale, View, view};
+pub use view::{DEFAULT_CLIP, SPIKE, Scale, View, view};

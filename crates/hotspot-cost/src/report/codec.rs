@@ -11,6 +11,9 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use serde_json::{Value, json};
 
+/// Deflate level: noise compresses as well at the lowest ones.
+const LEVEL: u8 = 3;
+
 /// How a quantum is predicted.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Predict {
@@ -20,36 +23,130 @@ enum Predict {
     Left,
 }
 
+/// Values that the median is taken from, at most about so many.
+const MEDIAN_OF: usize = 1 << 18;
+
+/// Rows that a size is estimated from.
+const ROWS: usize = 48;
+
+/// How the values of a plane are spread.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spread {
+    knee: f64,
+    reach: f64,
+    signed: bool,
+}
+
+impl Spread {
+    pub(super) fn of(values: &[f32]) -> Self {
+        let finite = || values.iter().copied().filter(|v| v.is_finite());
+        let (largest, least) = finite().fold((0.0_f32, 0.0_f32), |(a, b), v| (a.max(v.abs()), b.min(v)));
+        // An odd stride does not keep to columns.
+        let stride = (values.len() / MEDIAN_OF) | 1;
+        let some = values.iter().step_by(stride).copied().filter(|v| v.is_finite());
+        let mut sizes: Vec<f32> = some.map(f32::abs).filter(|v| *v > 0.0).collect();
+        let middle = sizes.len() / 2;
+        let median =
+            if sizes.is_empty() { 1.0 } else { *sizes.select_nth_unstable_by(middle, f32::total_cmp).1 };
+        let knee = (f64::from(median) / 4.0).max(f64::from(largest) * 1e-6).max(f64::MIN_POSITIVE);
+        let reach = (f64::from(largest) / knee).asinh().max(f64::MIN_POSITIVE);
+        Self { knee, reach, signed: least < 0.0 }
+    }
+
+    /// At most `levels` steps.
+    fn quantiser(self, levels: u32) -> Quantiser {
+        let levels = levels.clamp(3, 65_000);
+        // Of a signed range, an odd number of steps has one at zero.
+        let steps = if self.signed { (levels - 1) / 2 * 2 } else { levels - 1 };
+        let start = if self.signed { -self.reach } else { 0.0 };
+        Quantiser { knee: self.knee, start, scale: f64::from(steps) / (self.reach - start), steps }
+    }
+}
+
+struct Quantiser {
+    knee: f64,
+    start: f64,
+    scale: f64,
+    steps: u32,
+}
+
+impl Quantiser {
+    fn quantum(&self, v: f32) -> u16 {
+        if v.is_finite() {
+            let place = ((f64::from(v) / self.knee).asinh() - self.start) * self.scale;
+            place.round().clamp(0.0, f64::from(self.steps)) as u16
+        } else {
+            self.steps as u16 + 1
+        }
+    }
+}
+
 /// A plane of amounts at `levels` steps (2 to 65 000) between its extremes; not-finite values are kept as such. `Null`
 /// when it has no pixels.
 pub(super) fn amounts(width: u32, height: u32, values: &[f32], levels: u32) -> Value {
-    let levels = levels.clamp(3, 65_000);
-    let finite = || values.iter().copied().filter(|v| v.is_finite());
-    let largest = finite().fold(0.0, |a: f32, v| a.max(v.abs()));
-    let signed = finite().any(|v| v < 0.0);
-    let mut sizes: Vec<f32> = finite().map(f32::abs).filter(|v| *v > 0.0).collect();
-    let middle = sizes.len() / 2;
-    let median = if sizes.is_empty() { 1.0 } else { *sizes.select_nth_unstable_by(middle, f32::total_cmp).1 };
-    let knee = (f64::from(median) / 4.0).max(f64::from(largest) * 1e-6).max(f64::MIN_POSITIVE);
-    let reach = (f64::from(largest) / knee).asinh().max(f64::MIN_POSITIVE);
-    // Of a signed range, an odd number of steps has one at zero.
-    let steps = if signed { (levels - 1) / 2 * 2 } else { levels - 1 };
-    let start = if signed { -reach } else { 0.0 };
-    let scale = f64::from(steps) / (reach - start);
-    let quantum = |v: f32| {
-        if v.is_finite() {
-            (((f64::from(v) / knee).asinh() - start) * scale).round().clamp(0.0, f64::from(steps)) as u16
-        } else {
-            steps as u16 + 1
-        }
-    };
-    let quanta: Vec<u16> = values.iter().map(|v| quantum(*v)).collect();
+    spread_amounts(width, height, values, levels, Spread::of(values))
+}
+
+/// [`amounts`] whose spread is known.
+pub(super) fn spread_amounts(width: u32, height: u32, values: &[f32], levels: u32, spread: Spread) -> Value {
+    let quantiser = spread.quantiser(levels);
+    let quanta: Vec<u16> = values.iter().map(|v| quantiser.quantum(*v)).collect();
     match pack(width, height, &quanta, Predict::Mean) {
-        Some(png) => {
-            json!({ "png": png, "mean": true, "steps": steps, "knee": knee, "start": start, "reach": reach })
-        }
+        Some(png) => json!({
+            "png": png,
+            "mean": true,
+            "steps": quantiser.steps,
+            "knee": spread.knee,
+            "start": quantiser.start,
+            "reach": spread.reach,
+        }),
         None => Value::Null,
     }
+}
+
+/// About how many base64 characters the plane takes at each of `levels`: the entropy of the differences in some rows.
+pub(super) fn estimate(width: u32, values: &[f32], levels: &[u32], spread: Spread) -> Vec<usize> {
+    let columns = width.max(1) as usize;
+    let rows = values.len() / columns;
+    if rows < 2 {
+        return vec![values.len() * 4; levels.len()];
+    }
+    let step = (rows - 1).div_ceil(ROWS);
+    levels
+        .iter()
+        .map(|levels| {
+            let quantiser = spread.quantiser(*levels);
+            let mut histogram = [[0_u32; 256]; 2];
+            let mut count = 0.0;
+            for row in (1..rows).step_by(step) {
+                let [up, own] = [row - 1, row].map(|row| {
+                    let values = &values[row * columns..(row + 1) * columns];
+                    values.iter().map(|v| quantiser.quantum(*v)).collect::<Vec<u16>>()
+                });
+                for x in 1..columns {
+                    let folded = fold(own[x], own[x - 1].midpoint(up[x]));
+                    for (histogram, byte) in histogram.iter_mut().zip(folded.to_le_bytes()) {
+                        histogram[usize::from(byte)] += 1;
+                    }
+                    count += 1.0;
+                }
+            }
+            let bits: f64 = histogram
+                .iter()
+                .flatten()
+                .filter(|n| **n > 0)
+                .map(|n| f64::from(*n) * (count / f64::from(*n)).log2())
+                .sum();
+            // Four characters for three bytes; 3 % for what deflate adds.
+            (bits / f64::max(count, 1.0) * values.len() as f64 / 6.0 * 1.03) as usize + 256
+        })
+        .collect()
+}
+
+/// The difference from a guess as an unsigned number.
+const fn fold(quantum: u16, guess: u16) -> u16 {
+    let difference = quantum.wrapping_sub(guess) as i16;
+    ((difference << 1) ^ (difference >> 15)) as u16
 }
 
 /// A plane of identifiers.
@@ -76,12 +173,10 @@ fn pack(width: u32, height: u32, quanta: &[u16], predict: Predict) -> Option<Str
             (Some(one), _) | (None, Some(one)) => one,
             (None, None) => 0,
         };
-        let difference = quanta[i].wrapping_sub(guess) as i16;
-        let folded = ((difference << 1) ^ (difference >> 15)) as u16;
-        [low[i], high[i]] = folded.to_le_bytes();
+        [low[i], high[i]] = fold(quanta[i], guess).to_le_bytes();
     }
     let mut png = Vec::new();
-    PngEncoder::new_with_quality(&mut png, CompressionType::Default, FilterType::NoFilter)
+    PngEncoder::new_with_quality(&mut png, CompressionType::Level(LEVEL), FilterType::NoFilter)
         .write_image(&bytes, width, height.checked_mul(2)?, ExtendedColorType::L8)
         .ok()?;
     Some(STANDARD.encode(png))

@@ -57,6 +57,8 @@ fn data(input: &CompareInput<'_>, width: u32, height: u32) -> Value {
             let mut value = layers::describe(&layer.metric, &layer.label, &layer.unit, layer.kind, layer.a);
             value["scale"] = layers::scale(&signed, ColorMap::RedBlue);
             value["heat"] = layers::scale(&joint_view(width, height, layer), layer.map);
+            layers::note_shrink(&mut value["scale"], &planes[0]);
+            layers::note_shrink(&mut value["heat"], &planes[1]);
             value["plane"] = planes[0].clone();
             value["planeA"] = planes[1].clone();
             value["significant"] = layer.significant.map_or(Value::Null, |flags| {

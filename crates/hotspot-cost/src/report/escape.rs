@@ -1,5 +1,8 @@
 //! Text from anywhere into HTML, and templates filled with it.
 
+pub(super) use crate::names::short;
+use crate::names::visible;
+
 /// Text that is safe between tags and in double-quoted attributes, made [`visible`].
 pub(super) fn html(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + text.len() / 8);
@@ -16,29 +19,9 @@ pub(super) fn html(text: &str) -> String {
     out
 }
 
-/// Characters that hide or reorder text (controls, bidirectional overrides) become a visible replacement.
-const fn visible(c: char) -> char {
-    match c {
-        '\n' | '\t' => c,
-        '\0'..='\u{1f}' | '\u{7f}'..='\u{9f}' => '\u{fffd}',
-        '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => '\u{fffd}',
-        c => c,
-    }
-}
-
 /// A name of at most `limit` characters, escaped.
 pub(super) fn name(text: &str, limit: usize) -> String {
     html(&short(text, limit))
-}
-
-/// The first `limit` characters made [`visible`], with an ellipsis where more followed.
-pub(super) fn short(text: &str, limit: usize) -> String {
-    let mut characters = text.chars().map(visible);
-    let mut out: String = characters.by_ref().take(limit).collect();
-    if characters.next().is_some() {
-        out.push('…');
-    }
-    out
 }
 
 /// JSON that is safe within a script element: no `<` can end it or open a comment.

@@ -13,12 +13,17 @@ const TOP_FACTS: usize = 6;
 /// Most hotspots that get a card.
 const CARDS: usize = 60;
 
-/// The page as one HTML text without outside references. At 640 × 360 it stays below 5 MB whatever the number of layers
+/// Stands on the page when layers have fewer pixels than the picture.
+const REDUCED: &str =
+    " The picture is large: layers whose legend says so are embedded at a lower resolution.";
+
+/// The page as one HTML text without outside references. At 640 × 360 it stays below 5 MB whatever the number of layers, at
+/// 1920 × 1080 below 12 MB
 /// (the JSON text and names come on top).
 pub fn html(input: &ReportInput<'_>) -> String {
     let (width, height) = input.beauty.dimensions();
     let picture = layers::picture(input.beauty);
-    let (data, coarse) = data(input, width, height);
+    let (data, grains) = data(input, width, height);
     let hotspots = &input.hotspots[..input.hotspots.len().min(CARDS)];
     let settings: Vec<_> = input.facts.iter().map(|f| ("", vec![f.label.clone(), f.value.clone()])).collect();
     let step = |steps: u32| parts::percent(8.0 / f64::from(steps));
@@ -34,8 +39,9 @@ pub fn html(input: &ReportInput<'_>) -> String {
             ("totals", &totals(&input.totals)),
             ("settings", &parts::table("settings", &[], &settings)),
             ("json", &parts::raw(&input.raw_json)),
-            ("fine", &step(layers::FINE)),
-            ("coarse", &step(coarse)),
+            ("fine", &step(grains[0].steps)),
+            ("coarse", &step(grains[1].steps)),
+            ("resolution", if grains[1].shrink > 1 { REDUCED } else { "" }),
         ],
     );
     shell(&format!("{} · cost report", input.title), (width, height), &body, &data, include_str!("report.js"))
@@ -58,18 +64,21 @@ pub(super) fn shell(title: &str, size: (u32, u32), body: &str, data: &Value, scr
     )
 }
 
-fn data(input: &ReportInput<'_>, width: u32, height: u32) -> (Value, u32) {
+fn data(input: &ReportInput<'_>, width: u32, height: u32) -> (Value, [layers::Grain; 2]) {
     let wanted: Vec<_> =
         input.maps.iter().enumerate().map(|(i, map)| (map.values, i < layers::FINE_LAYERS)).collect();
-    let (planes, coarse) = layers::planes(width, height, &wanted);
-    let maps: Vec<Value> = input
-        .maps
-        .iter()
+    let (planes, grains) = layers::planes(width, height, &wanted);
+    let scales = layers::parallel(&input.maps, |map| {
+        let view = view(width, height, map.values, map.scale, map.despike, map.map.is_diverging());
+        let mut value = layers::describe(&map.metric, &map.label, &map.unit, map.kind, map.values);
+        value["scale"] = layers::scale(&view, map.map);
+        value
+    });
+    let maps: Vec<Value> = scales
+        .into_iter()
         .zip(planes)
-        .map(|(map, plane)| {
-            let view = view(width, height, map.values, map.scale, map.despike, map.map.is_diverging());
-            let mut value = layers::describe(&map.metric, &map.label, &map.unit, map.kind, map.values);
-            value["scale"] = layers::scale(&view, map.map);
+        .map(|(mut value, plane)| {
+            layers::note_shrink(&mut value["scale"], &plane);
             value["plane"] = plane;
             value
         })
@@ -92,7 +101,7 @@ fn data(input: &ReportInput<'_>, width: u32, height: u32) -> (Value, u32) {
         "objects": input.objects.as_ref().map(|o| layers::objects(width, height, o)),
         "hotspots": boxes,
     });
-    (value, coarse)
+    (value, grains)
 }
 
 fn cards(hotspots: &[HotspotCard]) -> String {

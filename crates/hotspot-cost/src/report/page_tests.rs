@@ -163,3 +163,25 @@ fn sample_pages() {
         }
     }
 }
+
+/// How long a page of 1920 × 1080 takes and how large it is: `cargo test -p hotspot-cost -- --ignored --nocapture full_hd`.
+#[test]
+#[ignore = "measures"]
+#[expect(clippy::print_stderr, reason = "its result")]
+fn full_hd() {
+    let sample = Sample::new(1920, 1080, 1.0, 1);
+    let input = sample.report();
+    let start = std::time::Instant::now();
+    let page = html(&input);
+    let seconds = start.elapsed().as_secs_f64();
+    std::fs::write(std::env::temp_dir().join("hotspot-full-hd.html"), &page).unwrap();
+    assert!(page.len() < 12_000_000, "{} bytes in {seconds:.2} s", page.len());
+    let data = embedded(&page);
+    let grains: Vec<String> = data["maps"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|m| format!("{}/{}", m["plane"]["steps"], m["plane"]["shrink"]))
+        .collect();
+    eprintln!("{} bytes in {seconds:.2} s; steps and shrinking {grains:?}", page.len());
+}

@@ -34,16 +34,18 @@ async function inflated(png) {
 
 async function quantaOf(plane) {
   const bytes = await inflated(bytesOf(plane.png));
-  const quanta = new Uint16Array(width * height);
-  const half = height * (width + 1);
-  for (let y = 0, i = 0; y < height; y++) {
-    let at = y * (width + 1) + 1;
-    for (let x = 0; x < width; x++, i++, at++) {
+  const shrink = plane.shrink ?? 1;
+  const [columns, rows] = [Math.ceil(width / shrink), Math.ceil(height / shrink)];
+  const quanta = new Uint16Array(columns * rows);
+  const half = rows * (columns + 1);
+  for (let y = 0, i = 0; y < rows; y++) {
+    let at = y * (columns + 1) + 1;
+    for (let x = 0; x < columns; x++, i++, at++) {
       const folded = bytes[at] | (bytes[at + half] << 8);
       let guess = 0;
-      if (x > 0 && y > 0 && plane.mean) guess = (quanta[i - 1] + quanta[i - width]) >> 1;
+      if (x > 0 && y > 0 && plane.mean) guess = (quanta[i - 1] + quanta[i - columns]) >> 1;
       else if (x > 0) guess = quanta[i - 1];
-      else if (y > 0) guess = quanta[i - width];
+      else if (y > 0) guess = quanta[i - columns];
       quanta[i] = guess + ((folded >> 1) ^ -(folded & 1));
     }
   }
@@ -57,7 +59,15 @@ async function valuesOf(plane) {
     table[q] = plane.knee * Math.sinh(plane.start + (q / plane.steps) * (plane.reach - plane.start));
   }
   table[plane.steps + 1] = NaN;
-  return Float32Array.from(quanta, (q) => table[q]);
+  if (!plane.shrink) return Float32Array.from(quanta, (q) => table[q]);
+  // Squares of pixels that share a mean.
+  const out = new Float32Array(width * height);
+  const columns = Math.ceil(width / plane.shrink);
+  for (let y = 0, i = 0; y < height; y++) {
+    const row = Math.floor(y / plane.shrink) * columns;
+    for (let x = 0; x < width; x++, i++) out[i] = table[quanta[row + Math.floor(x / plane.shrink)]];
+  }
+  return out;
 }
 
 // Share of the pixels that are cheaper than a value.
@@ -75,20 +85,34 @@ function rankOf(layer, value) {
 
 // ---- Pictures
 
-function despiked(values, above) {
+function middleAround(values, i) {
+  const x = i % width;
+  const y = (i - x) / width;
+  const around = [];
+  for (let v = Math.max(y - 1, 0); v <= Math.min(y + 1, height - 1); v++) {
+    for (let u = Math.max(x - 1, 0); u <= Math.min(x + 1, width - 1); u++) around.push(values[v * width + u]);
+  }
+  const sorted = around.filter(Number.isFinite).sort((a, b) => a - b);
+  const middle = sorted.length >> 1;
+  return sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
+}
+
+// First what is above the percentile, then what stands out of its surroundings (view.rs).
+function despiked(values, above, spike) {
   if (above === null) return values;
-  const out = values.slice();
-  for (let i = 0; i < values.length; i++) {
-    if (!(values[i] > above)) continue;
-    const x = i % width;
-    const y = (i - x) / width;
-    const around = [];
-    for (let v = Math.max(y - 1, 0); v <= Math.min(y + 1, height - 1); v++) {
-      for (let u = Math.max(x - 1, 0); u <= Math.min(x + 1, width - 1); u++) around.push(values[v * width + u]);
-    }
-    const sorted = around.filter(Number.isFinite).sort((a, b) => a - b);
-    const middle = sorted.length >> 1;
-    out[i] = sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
+  const first = values.slice();
+  for (let i = 0; i < values.length; i++) if (values[i] > above) first[i] = middleAround(values, i);
+  const out = first.slice();
+  for (let i = 0; i < first.length; i++) {
+    // A value that does not exceed its neighbours on both sides tenfold is soon passed over.
+    if (!(first[i] > 0 && first[i] < Infinity)) continue;
+    const left = first[i % width ? i - 1 : i + 1] * spike >= first[i];
+    const right = first[(i + 1) % width ? i + 1 : i - 1] * spike >= first[i];
+    const up = first[i >= width ? i - width : i + width] * spike >= first[i];
+    const down = first[i + width < first.length ? i + width : i - width] * spike >= first[i];
+    if (left && right && up && down) continue;
+    const middle = middleAround(first, i);
+    if (middle > 0 && first[i] > spike * middle) out[i] = middle;
   }
   return out;
 }
@@ -111,7 +135,7 @@ function paint(canvas, values, scale, grey) {
   const pixels = picture.data;
   const table = tableOf(scale.map);
   const last = table.length / 3 - 1;
-  const shown = despiked(values, scale.despikeAbove);
+  const shown = despiked(values, scale.despikeAbove, scale.spike);
   for (let i = 0; i < shown.length; i++) {
     const at = i * 4;
     if (!Number.isFinite(shown[i])) {

@@ -132,3 +132,20 @@ fn the_estimated_error_is_the_error() {
         assert!((mean / expected - 1.0).abs() < 0.2, "{kind:?}: {mean} {expected}");
     }
 }
+
+#[test]
+fn an_empty_half_gives_no_interval_by_halves() {
+    let mut frame = Frame::new(FrameDesc { intervals: true, ..FrameDesc::new(4, 1) });
+    let mut random = Random::new(4);
+    for x in 0..4 {
+        for _ in 0..3 {
+            crate::testing::random_path(&mut frame, x, 0, 0, &mut random, 9);
+        }
+    }
+    for metric in Metric::ALL {
+        let kind = total(&frame, metric, CostModel::default()).ci_kind;
+        let squares = metric.squares(&CostPixel::default(), CostModel::default()).is_some();
+        assert_eq!(kind, if squares { CiKind::Conservative } else { CiKind::None }, "{metric:?}");
+    }
+    assert_eq!(estimated_relmse(&frame).unwrap().1, CiKind::Conservative);
+}

@@ -145,7 +145,14 @@ fn find_hotspots(
     prepared: &RenderScene,
 ) -> Vec<hotspot_cost::Hotspot> {
     if layers.metric(Metric::Intersection).is_some() && settings.gather.trace_shadow_rays {
-        return hotspots::of_frame(&rendered.frame, args.cost_model(), prepared.objects(), HOTSPOTS);
+        return hotspots::of_frame_layers(
+            &rendered.frame,
+            layers,
+            args.cost_model(),
+            objects,
+            prepared.objects(),
+            HOTSPOTS,
+        );
     }
     let shown = [Metric::Nodes, Metric::Rays, Metric::Shapes, Metric::TimeUs];
     let Some(metric) = shown.into_iter().find(|m| layers.metric(*m).is_some()) else { return Vec::new() };
