@@ -85,7 +85,7 @@ const EVEN: &str =
 
 /// One sentence for people: `41 % of the cost lies in 9 % of the pixels: "Wardrobe mirror"`. Where hotspots that cost well
 /// above the mean hold a fair share of the cost, the sentence is about them; else about all. Takes them by rank until they
-/// hold most ([`ENOUGH`]) of what they exceed the mean by, and at most three objects.
+/// hold most of what they exceed the mean by, and at most three objects.
 pub fn verdict(hotspots: &[Hotspot]) -> String {
     let dense: Vec<&Hotspot> =
         hotspots.iter().filter(|hotspot| hotspot.cost_share >= DENSE * hotspot.pixel_share).collect();

@@ -37,7 +37,7 @@ const LIGHT: f64 = 6.0;
 /// (0.18), as photographers and Reinhard's operator do: a light source that is a thousand times brighter but covers few
 /// pixels hardly moves it. It then leans towards a picture whose 90th percentile lies between 0.5 and 1, so that a white
 /// room is not grey and a low-key scene not washed out, by at most one stop darker and two brighter; pixels more than
-/// [`LIGHT`] times the average are lights or windows and do not count for that percentile. The result is rounded to 0.01
+/// six times the average are lights or windows and do not count for that percentile. The result is rounded to 0.01
 /// stops.
 pub fn beauty(width: u32, height: u32, rgb: [&[f32]; 3], exposure: Exposure) -> Beauty {
     let [red, green, blue] = rgb;
