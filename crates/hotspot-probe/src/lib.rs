@@ -62,7 +62,7 @@ pub struct Spawner {
     pub object: u32,
     /// Material that the ray leaves, [`NONE`] for camera rays.
     pub material: u32,
-    /// Scattering events before the ray: 0 for camera rays and for shadow rays of the first surface vertex counts 0 too.
+    /// Scattering events before the ray: 0 for camera rays and for the shadow rays of the first surface vertex.
     pub bounce: u32,
     /// Why it was cast.
     pub kind: RayKind,
