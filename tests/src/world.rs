@@ -84,7 +84,7 @@ impl World {
 
 /// A mesh without normals.
 pub fn mesh(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Mesh {
-    Mesh { name: "mesh".into(), positions, normals: None, uvs: None, triangles }
+    Mesh { name: "mesh".into(), positions, triangles, ..Mesh::default() }
 }
 
 /// A quad, counter-clockwise seen from the front.
@@ -184,7 +184,8 @@ pub fn mirror(reflectance: [f32; 3]) -> Material {
 pub fn substrate(diffuse: [f32; 3], specular: f32, roughness: f32) -> Material {
     surface(Bsdf::Substrate {
         diffuse: Color::constant(diffuse),
-        specular: [specular; 3],
+        specular: Color::constant([specular; 3]),
+        specular_weight: Scalar::constant(1.0),
         roughness: Scalar::constant(roughness),
     })
 }

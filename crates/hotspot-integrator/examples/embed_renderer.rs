@@ -27,7 +27,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let glossy = Material {
         bsdf: Bsdf::Substrate {
             diffuse: Color::constant([0.5, 0.2, 0.1]),
-            specular: [0.04; 3],
+            specular: Color::constant([0.04; 3]),
+            specular_weight: Scalar::constant(1.0),
             roughness: Scalar::constant(0.3),
         },
         ..Material::default_matte("glossy")

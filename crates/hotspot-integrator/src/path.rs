@@ -277,7 +277,7 @@ fn resolve<P: Probe, C: Class>(
     bsdf: &hotspot_scene::Bsdf,
     uv: Vec2,
     front: bool,
-    choice: f32,
+    mut choice: f32,
     probe: &mut P,
 ) -> Bsdf {
     use hotspot_scene::Bsdf as Given;
@@ -289,10 +289,15 @@ fn resolve<P: Probe, C: Class>(
     }
     let mut bsdf = bsdf;
     if C::TEXTURED {
-        // A linear mix is the expectation of choosing one part with its share as probability. Mixes do not nest.
-        if let Given::Mix { metallic, base, metal } = bsdf {
-            let share = scalar(&scene.textures, metallic, uv, probe);
-            bsdf = if choice < share { metal } else { base };
+        // A linear mix is the expectation of choosing one part with its share as probability.
+        while let Given::Mix { weight, base, other } = bsdf {
+            let share = scalar(&scene.textures, weight, uv, probe);
+            // What is left of the number is uniform again.
+            (bsdf, choice) = if choice < share {
+                (other, choice / share)
+            } else {
+                (base, (choice - share) / (1.0 - share))
+            };
         }
     }
     let mut colored = |c: &hotspot_scene::Color| {
@@ -301,9 +306,9 @@ fn resolve<P: Probe, C: Class>(
     // α = max(roughness², 1e-3)
     match bsdf {
         Given::Matte { reflectance } => Bsdf::Matte(colored(reflectance)),
-        Given::Substrate { diffuse, specular, roughness } => Bsdf::Substrate(Substrate {
+        Given::Substrate { diffuse, specular, roughness, .. } => Bsdf::Substrate(Substrate {
             diffuse: colored(diffuse),
-            specular: Vec3::from_array(*specular),
+            specular: colored(specular),
             alpha: alpha::<P, C>(scene, roughness, uv, probe),
         }),
         Given::Mirror { reflectance } => Bsdf::Mirror(colored(reflectance)),
@@ -311,12 +316,12 @@ fn resolve<P: Probe, C: Class>(
             f0: colored(f0),
             alpha: alpha::<P, C>(scene, roughness, uv, probe),
         }),
-        Given::Glass { ior, thin, transmittance } => Bsdf::Glass(Glass {
+        Given::Glass { ior, thin, transmittance, .. } => Bsdf::Glass(Glass {
             transmittance: colored(transmittance),
             eta: if *thin || front { *ior } else { 1.0 / *ior },
             thin: *thin,
         }),
-        Given::Mix { .. } => Bsdf::Matte(Vec3::ZERO),
+        Given::Unlit { .. } | Given::Mix { .. } => Bsdf::Matte(Vec3::ZERO),
     }
 }
 

@@ -269,8 +269,10 @@ fn visit_shaded_textures(material: &Material, visit: &mut dyn FnMut(u32)) {
     fn bsdf(b: &Bsdf, visit: &mut dyn FnMut(u32)) {
         match b {
             Bsdf::Matte { reflectance } | Bsdf::Mirror { reflectance } => color(reflectance, visit),
-            Bsdf::Substrate { diffuse, roughness, .. } => {
+            Bsdf::Substrate { diffuse, specular, specular_weight, roughness } => {
                 color(diffuse, visit);
+                color(specular, visit);
+                scalar(specular_weight, visit);
                 scalar(roughness, visit);
             }
             Bsdf::RoughMetal { f0, roughness } => {
@@ -278,10 +280,11 @@ fn visit_shaded_textures(material: &Material, visit: &mut dyn FnMut(u32)) {
                 scalar(roughness, visit);
             }
             Bsdf::Glass { transmittance, .. } => color(transmittance, visit),
-            Bsdf::Mix { metallic, base, metal } => {
-                scalar(metallic, visit);
+            Bsdf::Unlit { color: radiance } => color(radiance, visit),
+            Bsdf::Mix { weight, base, other } => {
+                scalar(weight, visit);
                 bsdf(base, visit);
-                bsdf(metal, visit);
+                bsdf(other, visit);
             }
         }
     }
@@ -297,7 +300,7 @@ fn classify(scene: &Scene) -> SceneClass {
         let needs = match material.bsdf {
             _ if textured => SceneClass::Full,
             Bsdf::Matte { .. } => SceneClass::Matte,
-            Bsdf::Mix { .. } => SceneClass::Full,
+            Bsdf::Mix { .. } | Bsdf::Unlit { .. } => SceneClass::Full,
             _ => SceneClass::Lobes,
         };
         class.max(needs)

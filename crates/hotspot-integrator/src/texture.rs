@@ -156,7 +156,13 @@ mod tests {
     }
 
     fn at(wrap: Wrap, nearest: bool) -> TextureRef {
-        TextureRef { texture: 0, wrap: [wrap; 2], nearest, transform: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] }
+        TextureRef {
+            texture: 0,
+            wrap: [wrap; 2],
+            nearest,
+            transform: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            second_uvs: false,
+        }
     }
 
     #[test]

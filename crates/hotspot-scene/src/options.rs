@@ -3,7 +3,7 @@
 /// Limits and choices of [`crate::load`].
 ///
 /// The limits keep a hostile or broken file from taking the machine down; no honest scene should meet the defaults.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
     /// Largest single file read, in bytes. Default 4 GiB.
     pub max_file_bytes: u64,
@@ -19,6 +19,10 @@ pub struct LoadOptions {
     pub max_instances: u64,
     /// Which of a glTF file's scenes to load; `None` for the file's own default, else its first. OBJ ignores it.
     pub scene: Option<usize>,
+    /// Point in time at which a glTF file's animations are shown, in seconds; `None` for rest.
+    pub time: Option<f64>,
+    /// Which of a glTF file's material variants to show; `None` for none.
+    pub variant: Option<String>,
 }
 
 impl Default for LoadOptions {
@@ -31,6 +35,8 @@ impl Default for LoadOptions {
             max_nodes: 4_000_000,
             max_instances: 16_000_000,
             scene: None,
+            time: None,
+            variant: None,
         }
     }
 }

@@ -23,6 +23,8 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Cameras in file order.
     pub cameras: Vec<Camera>,
+    /// Lights without area, in file order.
+    pub lights: Vec<Light>,
     /// Radiance from all directions that no geometry blocks.
     pub environment: Option<Environment>,
     /// What the file uses and the scene does not carry, by feature and element.
@@ -42,6 +44,13 @@ pub struct Mesh {
     pub normals: Option<Vec<[f32; 3]>>,
     /// Texture coordinates, one per vertex; (0, 0) is the upper left corner of the image. `None` where no texture uses them.
     pub uvs: Option<Vec<[f32; 2]>>,
+    /// A second set, for materials whose textures read two ([`TextureRef::second_uvs`]).
+    pub second_uvs: Option<Vec<[f32; 2]>>,
+    /// Linear RGBA, one per vertex: multiplied into the base colour (the first colour of each [`Bsdf`]) and into alpha.
+    pub colors: Option<Vec<[f32; 4]>>,
+    /// Unit tangents in x, y, z, one per vertex, w = ±1: the bitangent is w (normal × tangent). `None` where the material
+    /// has no normal map, or the mesh no normals to go with it.
+    pub tangents: Option<Vec<[f32; 4]>>,
     /// Vertex indices, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
 }
@@ -81,6 +90,17 @@ pub struct Material {
     pub emission: Color,
     /// Where the surface is there at all.
     pub alpha: Alpha,
+    /// Bumps.
+    pub normal_map: Option<NormalMap>,
+}
+
+/// Shading normals from a texture, in the frame of tangent, bitangent and normal of each vertex.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NormalMap {
+    /// RGB encode x, y, z in -1..1, not decoded from sRGB.
+    pub texture: TextureRef,
+    /// Scales x and y.
+    pub scale: f32,
 }
 
 impl Material {
@@ -92,6 +112,7 @@ impl Material {
             double_sided: true,
             emission: Color::constant([0.0; 3]),
             alpha: Alpha::Opaque,
+            normal_map: None,
         }
     }
 
@@ -114,7 +135,9 @@ pub enum Bsdf {
         /// Rd, 0..1.
         diffuse: Color,
         /// Rs, reflectance at normal incidence, 0..1.
-        specular: [f32; 3],
+        specular: Color,
+        /// Scales `specular`, 0..1.
+        specular_weight: Scalar,
         /// glTF roughness 0..1; GGX alpha = max(roughness², 1e-3).
         roughness: Scalar,
     },
@@ -138,15 +161,24 @@ pub enum Bsdf {
         thin: bool,
         /// Scales the transmitted part, 0..1.
         transmittance: Color,
+        /// Absorption inside of a solid per unit of world length, at least 0: a stretch of length d lets
+        /// exp(-absorption d) through.
+        absorption: [f32; 3],
     },
-    /// Linear mix, as glTF's metallic factor between 0 and 1: `(1 - metallic) * base + metallic * metal`.
+    /// Shows its colour as radiance, to every path that meets it, and scatters nothing (KHR_materials_unlit). Not
+    /// sampled as a light.
+    Unlit {
+        /// Radiance.
+        color: Color,
+    },
+    /// Linear mix, as glTF's metallic factor between 0 and 1: `(1 - weight) * base + weight * other`.
     Mix {
-        /// Share of `metal`, 0..1.
-        metallic: Scalar,
-        /// Dielectric part.
+        /// Share of `other`, 0..1.
+        weight: Scalar,
+        /// The part at weight 0. May be a mix itself.
         base: Box<Bsdf>,
-        /// Metal part.
-        metal: Box<Bsdf>,
+        /// The part at weight 1. May be a mix itself.
+        other: Box<Bsdf>,
     },
 }
 
@@ -206,6 +238,8 @@ pub struct TextureRef {
     pub nearest: bool,
     /// `uv' = m * [u, v, 1]`: the rows of KHR_texture_transform's matrix; identity by default.
     pub transform: [[f32; 3]; 2],
+    /// Reads [`Mesh::second_uvs`] rather than [`Mesh::uvs`].
+    pub second_uvs: bool,
 }
 
 /// Behaviour of a texture beyond 0..1.
@@ -282,11 +316,72 @@ pub enum Projection {
     },
 }
 
+/// A light without area (KHR_lights_punctual). It shines on surfaces and is not seen itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Light {
+    /// Name shown to people; unique among the objects and lights of the scene.
+    pub name: String,
+    /// Where it shines.
+    pub kind: LightKind,
+    /// Linear Rec.709, colour times intensity: W/sr of a point or a spot, W/m² across the rays of a directional light.
+    pub intensity: [f32; 3],
+}
+
+/// Where a [`Light`] shines; in world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LightKind {
+    /// In all directions from a point.
+    Point {
+        /// The point.
+        position: [f32; 3],
+    },
+    /// In a cone from a point: in full within the inner angle, falling to nothing at the outer one as
+    /// clamp((cos θ − cos outer) / (cos inner − cos outer), 0, 1)².
+    Spot {
+        /// The point.
+        position: [f32; 3],
+        /// Unit direction of the axis, away from the light.
+        direction: [f32; 3],
+        /// Cosine of the inner angle.
+        cos_inner: f32,
+        /// Cosine of the outer angle, below `cos_inner`.
+        cos_outer: f32,
+    },
+    /// From infinitely far away along one direction.
+    Directional {
+        /// Unit direction in which the light travels.
+        direction: [f32; 3],
+    },
+}
+
 /// Light from infinitely far away.
 #[derive(Clone, Debug)]
 pub enum Environment {
     /// The same radiance from every direction.
     Constant([f32; 3]),
+    /// Radiance by direction.
+    Map(EnvironmentMap),
+}
+
+/// An equirectangular picture of radiance around the scene.
+///
+/// Unrotated, the centre of the picture lies along −Z (where a camera without rotation looks), its right half towards +X,
+/// its upper edge at +Y: texel centre (x, y) of w × h looks along
+/// (sin φ sin θ, cos θ, −cos φ sin θ) with φ = 2π (x + ½)/w − π, θ = π (y + ½)/h.
+#[derive(Clone, Debug)]
+pub struct EnvironmentMap {
+    /// Name of the file, for people.
+    pub name: String,
+    /// Texels per row.
+    pub width: u32,
+    /// Rows, from the zenith down.
+    pub height: u32,
+    /// Linear Rec.709 radiance, finite and at least 0; `width * height` texels.
+    pub texels: Arc<[[f32; 3]]>,
+    /// Rotation about +Y in radians, counter-clockwise seen from above: what lay along −Z turns towards −X.
+    pub rotation: f64,
+    /// Multiplies the texels.
+    pub scale: [f32; 3],
 }
 
 /// Something that the file uses and the scene does not carry.

@@ -37,9 +37,9 @@ fn materials() -> Vec<(&'static str, Material)> {
         (
             "mix",
             surface(Bsdf::Mix {
-                metallic: hotspot_scene::Scalar::constant(0.5),
+                weight: hotspot_scene::Scalar::constant(0.5),
                 base: Box::new(Bsdf::Matte { reflectance: Color::constant([0.9; 3]) }),
-                metal: Box::new(Bsdf::Mirror { reflectance: Color::constant([0.9; 3]) }),
+                other: Box::new(Bsdf::Mirror { reflectance: Color::constant([0.9; 3]) }),
             }),
         ),
     ]

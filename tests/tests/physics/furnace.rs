@@ -192,9 +192,9 @@ fn planes_show_their_albedo() {
         }
         shown(mirror([0.7; 3]), cos, "mirror", f64::from(0.7f32));
         let halves = Bsdf::Mix {
-            metallic: hotspot_scene::Scalar::constant(0.25),
+            weight: hotspot_scene::Scalar::constant(0.25),
             base: Box::new(Bsdf::Matte { reflectance: Color::constant([0.8; 3]) }),
-            metal: Box::new(Bsdf::Mirror { reflectance: Color::constant([0.4; 3]) }),
+            other: Box::new(Bsdf::Mirror { reflectance: Color::constant([0.4; 3]) }),
         };
         shown(surface(halves), cos, "mix", 0.75 * f64::from(0.8f32) + 0.25 * f64::from(0.4f32));
     }
@@ -204,7 +204,12 @@ fn planes_show_their_albedo() {
 #[test]
 fn clear_glass_vanishes() {
     for thin in [false, true] {
-        let glass = surface(Bsdf::Glass { ior: 1.5, thin, transmittance: Color::constant([1.0; 3]) });
+        let glass = surface(Bsdf::Glass {
+            ior: 1.5,
+            thin,
+            transmittance: Color::constant([1.0; 3]),
+            absorption: [0.0; 3],
+        });
         let world = World::new().with(sphere([0.0; 3], 1.0, 3, false), glass).with_environment([1.0; 3]);
         let mut settings = settings(32, 32, 8, 1000, 0);
         settings.roulette_from = None;

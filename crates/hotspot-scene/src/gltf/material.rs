@@ -80,7 +80,14 @@ impl Reader<'_, '_, '_> {
         if self.stated.normal_texture().is_some() {
             self.note("normalTexture", "the surface is drawn without bumps");
         }
-        Ok(Material { name, bsdf, double_sided: self.stated.double_sided(), emission, alpha })
+        Ok(Material {
+            name,
+            bsdf,
+            double_sided: self.stated.double_sided(),
+            emission,
+            alpha,
+            normal_map: None,
+        })
     }
 
     fn note(&mut self, feature: &str, effect: &str) {
@@ -172,7 +179,7 @@ impl Reader<'_, '_, '_> {
                 self.note("attenuation in glass", "the glass absorbs nothing");
             }
         }
-        Ok(Some(Bsdf::Glass { ior, thin, transmittance: pbr.base }))
+        Ok(Some(Bsdf::Glass { ior, thin, transmittance: pbr.base, absorption: [0.0; 3] }))
     }
 
     fn ior(&self) -> Result<f32> {
@@ -197,7 +204,7 @@ impl Reader<'_, '_, '_> {
         if pbr.metallic.factor == 0.0 {
             return Ok(base);
         }
-        Ok(Bsdf::Mix { metallic: pbr.metallic, base: Box::new(base), metal: Box::new(metal()) })
+        Ok(Bsdf::Mix { weight: pbr.metallic, base: Box::new(base), other: Box::new(metal()) })
     }
 
     /// Matte or substrate.
@@ -222,7 +229,12 @@ impl Reader<'_, '_, '_> {
         let ior = f64::from(self.ior()?);
         let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2) * f64::from(factor);
         let specular = color.map(|c| (f0 * f64::from(c)).clamp(0.0, 1.0) as f32);
-        Ok(Bsdf::Substrate { diffuse: pbr.base, specular, roughness: pbr.roughness })
+        Ok(Bsdf::Substrate {
+            diffuse: pbr.base,
+            specular: Color::constant(specular),
+            specular_weight: Scalar::constant(1.0),
+            roughness: pbr.roughness,
+        })
     }
 
     fn emission(&mut self) -> Result<Color> {

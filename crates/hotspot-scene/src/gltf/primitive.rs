@@ -112,7 +112,7 @@ impl Sources {
         // What `clean` holds for a moment: a flag, a sum and an index per vertex.
         doc.budget.charge(vertices as u64, 48, path)?;
         let triangles = self.triangles(&indices, path, notes);
-        let mesh = Mesh { name, positions, normals, uvs, triangles };
+        let mesh = Mesh { name, positions, normals, uvs, triangles, ..Mesh::default() };
         let mesh = geometry::clean(mesh, path, notes);
         if mesh.triangles.is_empty() {
             notes.repair("primitive without triangles dropped", path, 1);

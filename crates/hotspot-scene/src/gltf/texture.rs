@@ -60,7 +60,10 @@ impl Textures {
             uv_set = extension.tex_coord().unwrap_or(uv_set);
             transform = matrix(&extension, path)?;
         }
-        Ok(Some(Slot { texture: TextureRef { texture: texture_index, wrap, nearest, transform }, uv_set }))
+        Ok(Some(Slot {
+            texture: TextureRef { texture: texture_index, wrap, nearest, transform, second_uvs: false },
+            uv_set,
+        }))
     }
 
     /// `gltf::Image::source` panics on images with neither URI nor view, so the JSON type is asked.

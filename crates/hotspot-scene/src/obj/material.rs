@@ -52,7 +52,13 @@ impl<'a> Textures<'a> {
                 index
             }
         };
-        Ok(Some(TextureRef { texture, wrap: [map.wrap; 2], nearest: false, transform: map.transform }))
+        Ok(Some(TextureRef {
+            texture,
+            wrap: [map.wrap; 2],
+            nearest: false,
+            transform: map.transform,
+            second_uvs: false,
+        }))
     }
 }
 
@@ -98,7 +104,12 @@ pub(super) fn build(
     } else {
         // alpha = roughness²; sqrt is exactly rounded, so every machine agrees.
         let alpha = (2.0 / (f64::from(stated.shininess.unwrap_or(0.0)) + 2.0)).sqrt();
-        Bsdf::Substrate { diffuse, specular, roughness: Scalar::constant(alpha.sqrt() as f32) }
+        Bsdf::Substrate {
+            diffuse,
+            specular: Color::constant(specular),
+            specular_weight: Scalar::constant(1.0),
+            roughness: Scalar::constant(alpha.sqrt() as f32),
+        }
     };
     let mut alpha = Scalar::constant(stated.dissolve.unwrap_or(1.0));
     if let Some(texture) = textures.read(mtl.map_d.as_ref(), &mtl.file, notes)? {
@@ -107,7 +118,7 @@ pub(super) fn build(
         alpha.texture = Some((texture, channel));
     }
     let alpha = if alpha == Scalar::constant(1.0) { Alpha::Opaque } else { Alpha::Blend { alpha } };
-    Ok(Material { name, bsdf, double_sided: true, emission, alpha })
+    Ok(Material { name, bsdf, double_sided: true, emission, alpha, normal_map: None })
 }
 
 /// Whether the material looks up a texture.

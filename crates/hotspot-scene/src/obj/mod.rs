@@ -196,5 +196,5 @@ fn build_mesh(
     }
     let normals = group.has_normals.then(|| model.normals.as_chunks::<3>().0.to_vec());
     let element = name.clone();
-    Ok(geometry::clean(Mesh { name, positions, normals, uvs, triangles }, &element, notes))
+    Ok(geometry::clean(Mesh { name, positions, normals, uvs, triangles, ..Mesh::default() }, &element, notes))
 }

@@ -52,9 +52,9 @@ fn dielectrics_are_matte_or_substrate() {
     let Bsdf::Matte { reflectance } = material(specular(json!({"specularFactor": 0}))).bsdf else { panic!() };
     assert_eq!(reflectance, Color::constant(RED));
     let rs = |value: Value| {
-        let Bsdf::Substrate { diffuse, specular, roughness } = material(value).bsdf else { panic!() };
+        let Bsdf::Substrate { diffuse, specular, roughness, .. } = material(value).bsdf else { panic!() };
         assert_eq!((diffuse, roughness), (Color::constant(RED), Scalar::constant(0.5)));
-        specular
+        specular.factor
     };
     let near = |got: [f32; 3], wanted: [f32; 3]| {
         assert!(got.iter().zip(wanted).all(|(g, w)| (g - w).abs() < 1e-7), "{got:?} {wanted:?}");
@@ -71,21 +71,21 @@ fn dielectrics_are_matte_or_substrate() {
 
 #[test]
 fn metallic_between_0_and_1_or_textured_is_a_mix() {
-    let Bsdf::Mix { metallic, base, metal } = material(pbr(0.25, 0.5)).bsdf else { panic!() };
-    assert_eq!(metallic, Scalar::constant(0.25));
-    assert!(matches!(*base, Bsdf::Substrate { .. }) && matches!(*metal, Bsdf::RoughMetal { .. }));
+    let Bsdf::Mix { weight, base, other } = material(pbr(0.25, 0.5)).bsdf else { panic!() };
+    assert_eq!(weight, Scalar::constant(0.25));
+    assert!(matches!(*base, Bsdf::Substrate { .. }) && matches!(*other, Bsdf::RoughMetal { .. }));
 
     let textured = |metallic: f64, roughness: f64| {
         let mut value = pbr(metallic, roughness);
         value["pbrMetallicRoughness"]["metallicRoughnessTexture"] = json!({"index": 0});
         material(value).bsdf
     };
-    let Bsdf::Mix { metallic, base, .. } = textured(1.0, 0.5) else { panic!() };
-    assert_eq!((metallic.factor, metallic.texture.unwrap().1), (1.0, Channel::B));
+    let Bsdf::Mix { weight, base, .. } = textured(1.0, 0.5) else { panic!() };
+    assert_eq!((weight.factor, weight.texture.unwrap().1), (1.0, Channel::B));
     let Bsdf::Substrate { roughness, .. } = *base else { panic!() };
     assert_eq!((roughness.factor, roughness.texture.unwrap().1), (0.5, Channel::G));
-    let Bsdf::Mix { metal, .. } = textured(1.0, 0.0) else { panic!() };
-    assert!(matches!(*metal, Bsdf::Mirror { .. }));
+    let Bsdf::Mix { other, .. } = textured(1.0, 0.0) else { panic!() };
+    assert!(matches!(*other, Bsdf::Mirror { .. }));
     let Bsdf::Substrate { roughness, .. } = textured(0.0, 0.5) else { panic!() };
     assert!(roughness.texture.is_some());
 }
@@ -99,7 +99,7 @@ fn transmission_is_glass_thin_or_solid() {
             json!({"transmissionFactor": transmission}),
         )
     };
-    let Bsdf::Glass { ior: 1.5, thin: true, transmittance } = material(glass(1.0, 0.0)).bsdf else {
+    let Bsdf::Glass { ior: 1.5, thin: true, transmittance, .. } = material(glass(1.0, 0.0)).bsdf else {
         panic!()
     };
     assert_eq!(transmittance, Color::constant(RED));

@@ -120,7 +120,7 @@ fn living_rooms_have_every_material_class() {
     // Rs = ((1.5 - 1) / (1.5 + 1))^2
     let floor = substrate.materials.iter().find(|m| m.name == "Floor").unwrap();
     let Bsdf::Substrate { specular, .. } = floor.bsdf else { panic!() };
-    assert!(specular.iter().all(|s| (s - 0.04).abs() < 1e-7));
+    assert!(specular.factor.iter().all(|s| (s - 0.04).abs() < 1e-7));
 }
 
 #[test]
@@ -130,7 +130,7 @@ fn veach_mis_has_its_index_of_refraction() {
         .materials
         .iter()
         .filter_map(|m| match m.bsdf {
-            Bsdf::Substrate { specular, roughness, .. } => Some((specular, roughness.factor)),
+            Bsdf::Substrate { specular, roughness, .. } => Some((specular.factor, roughness.factor)),
             _ => None,
         })
         .collect();
