@@ -23,6 +23,7 @@ impl RayProbe for Heat<'_> {
         }
     }
     fn instance(&mut self, _id: u32) {}
+    fn alpha(&mut self, _lookups: u32, _bytes: u32) {}
     fn finish(self, _hit: bool) {}
 }
 

@@ -4,7 +4,8 @@
 //! depend on it. It is built without its `parallel` feature: its parallel sorts are unstable, and the tree must not
 //! depend on the number of threads.
 
-use crate::collapse::{BinaryNode, BinaryTree, collapse};
+use crate::collapse::{BinaryNode, BinaryTree, Primitives, WideTree, collapse};
+use crate::instance::{Instance, Placed};
 use crate::node::{Bounds, Child};
 use crate::simd::Isa;
 use crate::{Bvh, BvhError};
@@ -57,35 +58,74 @@ pub struct BuildOptions {
 /// obvhs computes areas in f32; coordinates up to this keep them finite. Larger scenes are scaled for the topology.
 const SAFE_COORDINATE: f32 = 1e15;
 
-pub(crate) fn build(triangles: &[[[f32; 3]; 3]], options: BuildOptions) -> Result<Bvh, BvhError> {
-    if triangles.len() >= Child::LIMIT as usize {
-        return Err(BvhError::TooManyTriangles { count: triangles.len() });
+pub(crate) fn build(
+    triangles: &[[[f32; 3]; 3]],
+    meshes: &[Vec<[[f32; 3]; 3]>],
+    instances: &[Instance],
+    options: BuildOptions,
+) -> Result<Bvh, BvhError> {
+    let count = meshes.iter().fold(triangles.len(), |sum, mesh| sum.saturating_add(mesh.len()));
+    if count >= Child::LIMIT as usize {
+        return Err(BvhError::TooManyTriangles { count });
     }
-    if let Some(index) = triangles.iter().position(|t| !t.iter().flatten().all(|c| c.is_finite())) {
-        return Err(BvhError::NotFinite { triangle: index });
+    let total = instances.len().saturating_add(triangles.len());
+    if total >= Child::LIMIT as usize {
+        return Err(BvhError::TooManyInstances { count: instances.len() });
     }
-    let largest = triangles.iter().flatten().flatten().fold(0.0f32, |m, c| m.max(c.abs()));
+    check(triangles, None)?;
+    let mut tree = WideTree::default();
+    // Each mesh's root, and boxes that enclose it between them.
+    let mut roots = Vec::with_capacity(meshes.len());
+    for (index, mesh) in meshes.iter().enumerate() {
+        check(mesh, Some(index))?;
+        let part = wide_tree(mesh, &[], options.quality);
+        let boxes = part.boxes_near_the_root();
+        roots.push((tree.append(part), boxes));
+    }
+    let mut placed = Vec::with_capacity(instances.len());
+    for (index, instance) in instances.iter().enumerate() {
+        let (root, boxes) =
+            roots.get(instance.mesh as usize).ok_or(BvhError::NoSuchMesh { instance: index })?;
+        if *root == Child::EMPTY {
+            return Err(BvhError::EmptyMesh { instance: index });
+        }
+        let instance = Placed::new(*root, boxes, &instance.to_world);
+        placed.push(instance.ok_or(BvhError::NotInvertible { instance: index })?);
+    }
+    let bounds: Vec<Bounds> = placed.iter().map(|p| p.bounds).collect();
+    let top = wide_tree(triangles, &bounds, options.quality);
+    let bounds = top.bounds;
+    let root = tree.append(top);
+    Ok(Bvh {
+        nodes: tree.nodes,
+        blocks: tree.blocks,
+        root,
+        instances: placed,
+        bounds,
+        triangles: count,
+        isa: options.isa.resolve(),
+    })
+}
+
+fn check(triangles: &[[[f32; 3]; 3]], mesh: Option<usize>) -> Result<(), BvhError> {
+    match triangles.iter().position(|t| !t.iter().flatten().all(|c| c.is_finite())) {
+        Some(triangle) => Err(BvhError::NotFinite { mesh, triangle }),
+        None => Ok(()),
+    }
+}
+
+fn wide_tree(triangles: &[[[f32; 3]; 3]], instances: &[Bounds], quality: Quality) -> WideTree {
+    let boxes = || triangles.iter().map(|t| Bounds::of_points(t)).chain(instances.iter().copied());
+    let largest = boxes().flat_map(|b| [b.min, b.max]).flatten().fold(0.0f32, |m, c| m.max(c.abs()));
     // A power of two, so that scaling does not round.
     let mut scale = 1.0f32;
     while largest * scale > SAFE_COORDINATE {
         scale *= 1.0 / 1024.0;
     }
-    let boxes: Vec<Aabb> = triangles
-        .iter()
-        .map(|t| {
-            let b = Bounds::of_points(t);
-            Aabb::new(Vec3A::from_array(b.min) * scale, Vec3A::from_array(b.max) * scale)
-        })
+    let boxes: Vec<Aabb> = boxes()
+        .map(|b| Aabb::new(Vec3A::from_array(b.min) * scale, Vec3A::from_array(b.max) * scale))
         .collect();
-    let wide = collapse(&binary_tree(&boxes, options.quality.parameters()), triangles);
-    Ok(Bvh {
-        nodes: wide.nodes,
-        blocks: wide.blocks,
-        root: wide.root,
-        bounds: wide.bounds,
-        triangles: triangles.len(),
-        isa: options.isa.resolve(),
-    })
+    collapse(&binary_tree(&boxes, quality.parameters()), Primitives { triangles, instances })
 }
 
 fn binary_tree(boxes: &[Aabb], parameters: BvhBuildParams) -> BinaryTree {

@@ -4,7 +4,7 @@
 //! BVHs* (HPG 2017), section 3.1: for each binary node n and each i, the cheapest way to represent the subtree of n as a
 //! forest of at most i wide subtrees; a wide subtree is a leaf block (up to 8 triangles) or a node whose children are a
 //! forest of at most 8. Costs are surface areas times [`NODE_COST`] or [`BLOCK_COST`]: a block costs the same however
-//! full it is, since its lanes are tested at once.
+//! full it is, since its lanes are tested at once. An instance is a leaf of its own.
 
 use crate::node::{Bounds, Child, Node};
 use crate::triangle::{Block, LANES};
@@ -13,6 +13,8 @@ use crate::triangle::{Block, LANES};
 const NODE_COST: f64 = 1.0;
 /// Relative cost of testing a leaf block.
 const BLOCK_COST: f64 = 0.9;
+/// Relative cost of entering an instance: taking the ray there, and a visit of its root.
+const INSTANCE_COST: f64 = 3.0;
 /// Children per wide node.
 const WIDTH: usize = 8;
 
@@ -31,11 +33,41 @@ pub(crate) struct BinaryNode {
 }
 
 /// The wide tree.
+#[derive(Default)]
 pub(crate) struct WideTree {
     pub(crate) nodes: Vec<Node>,
     pub(crate) blocks: Vec<Block>,
     pub(crate) root: Child,
     pub(crate) bounds: Bounds,
+}
+
+impl WideTree {
+    /// Takes in another tree's nodes and blocks, and returns where its root is now.
+    pub(crate) fn append(&mut self, other: Self) -> Child {
+        let (nodes, blocks) = (self.nodes.len() as u32, self.blocks.len() as u32);
+        self.nodes.extend(other.nodes.into_iter().map(|mut node| {
+            node.children = node.children.map(|child| child.moved(nodes, blocks));
+            node
+        }));
+        self.blocks.extend(other.blocks);
+        other.root.moved(nodes, blocks)
+    }
+
+    /// Boxes that enclose the tree between them, more closely than one: those of the root's grandchildren.
+    pub(crate) fn boxes_near_the_root(&self) -> Vec<Bounds> {
+        if self.root.is_leaf() {
+            return vec![self.bounds];
+        }
+        let mut boxes = Vec::new();
+        for (bounds, child) in self.nodes[self.root.index()].occupied() {
+            if child.is_leaf() {
+                boxes.push(bounds);
+            } else {
+                boxes.extend(self.nodes[child.index()].occupied().map(|(bounds, _)| bounds));
+            }
+        }
+        boxes
+    }
 }
 
 /// What the dynamic program knows of a binary node.
@@ -45,33 +77,55 @@ struct Plan {
     cost: [f64; WIDTH - 1],
     /// For forests of 2..=8: how many go to the left child; 0: use one fewer subtrees.
     left: [u8; WIDTH + 1],
-    /// The single subtree is a leaf block.
-    block: bool,
+    /// The single subtree is a leaf: a block, or an instance.
+    leaf: bool,
 }
 
-/// Collapses `tree` over `triangles`.
-pub(crate) fn collapse(tree: &BinaryTree, triangles: &[[[f32; 3]; 3]]) -> WideTree {
+/// What the leaves of a binary tree hold: primitive i is triangle i, or beyond those an instance, given by its box.
+#[derive(Clone, Copy)]
+pub(crate) struct Primitives<'a> {
+    pub(crate) triangles: &'a [[[f32; 3]; 3]],
+    pub(crate) instances: &'a [Bounds],
+}
+
+impl Primitives<'_> {
+    fn bounds(&self, primitive: u32) -> Bounds {
+        match self.instance(primitive) {
+            Some(instance) => self.instances[instance as usize],
+            None => Bounds::of_points(&self.triangles[primitive as usize]),
+        }
+    }
+
+    fn instance(&self, primitive: u32) -> Option<u32> {
+        primitive.checked_sub(self.triangles.len() as u32)
+    }
+}
+
+/// Collapses `tree` over `primitives`.
+pub(crate) fn collapse(tree: &BinaryTree, primitives: Primitives<'_>) -> WideTree {
     if tree.order.is_empty() {
         return WideTree { nodes: Vec::new(), blocks: Vec::new(), root: Child::EMPTY, bounds: Bounds::EMPTY };
     }
     let after_children = children_first(tree);
     let mut bounds = vec![Bounds::EMPTY; tree.nodes.len()];
+    // Triangles below; more than a block holds where there is an instance.
     let mut sizes = vec![0u32; tree.nodes.len()];
     for &n in &after_children {
         let node = tree.nodes[n];
         if node.count > 0 {
             for &primitive in leaf_primitives(tree, node) {
-                bounds[n] = bounds[n].union(&Bounds::of_points(&triangles[primitive as usize]));
+                bounds[n] = bounds[n].union(&primitives.bounds(primitive));
+                let size = if primitives.instance(primitive).is_some() { LANES as u32 + 1 } else { 1 };
+                sizes[n] += size;
             }
-            sizes[n] = node.count;
         } else {
             let (l, r) = (node.first as usize, node.first as usize + 1);
             bounds[n] = bounds[l].union(&bounds[r]);
-            sizes[n] = sizes[l] + sizes[r];
+            sizes[n] = sizes[l].saturating_add(sizes[r]);
         }
     }
     let plans = plan(tree, &after_children, &bounds, &sizes);
-    Emitter { tree, triangles, bounds: &bounds, plans: &plans, nodes: Vec::new(), blocks: Vec::new() }.run()
+    Emitter { tree, primitives, bounds: &bounds, plans: &plans, nodes: Vec::new(), blocks: Vec::new() }.run()
 }
 
 fn leaf_primitives(tree: &BinaryTree, node: BinaryNode) -> &[u32] {
@@ -94,13 +148,14 @@ fn children_first(tree: &BinaryTree) -> Vec<usize> {
 }
 
 fn plan(tree: &BinaryTree, after_children: &[usize], bounds: &[Bounds], sizes: &[u32]) -> Vec<Plan> {
-    let unset = Plan { cost: [f64::INFINITY; WIDTH - 1], left: [0; WIDTH + 1], block: true };
+    let unset = Plan { cost: [f64::INFINITY; WIDTH - 1], left: [0; WIDTH + 1], leaf: true };
     let mut plans = vec![unset; tree.nodes.len()];
     for &n in after_children {
         let node = tree.nodes[n];
         let area = bounds[n].half_area();
         let as_block = if sizes[n] as usize <= LANES { area * BLOCK_COST } else { f64::INFINITY };
-        let mut plan = Plan { cost: [as_block; WIDTH - 1], left: [0; WIDTH + 1], block: true };
+        let as_leaf = if node.count > 0 { as_block.min(area * INSTANCE_COST) } else { as_block };
+        let mut plan = Plan { cost: [as_leaf; WIDTH - 1], left: [0; WIDTH + 1], leaf: true };
         if node.count == 0 {
             let (l, r) = (&plans[node.first as usize], &plans[node.first as usize + 1]);
             let mut forest = [f64::INFINITY; WIDTH + 1];
@@ -123,7 +178,7 @@ fn plan(tree: &BinaryTree, after_children: &[usize], bounds: &[Bounds], sizes: &
                 }
             }
             let as_node = area * NODE_COST + forest[WIDTH];
-            plan.block = as_block <= as_node;
+            plan.leaf = as_block <= as_node;
             plan.cost[0] = as_block.min(as_node);
             let single = plan.cost[0];
             for (cost, &forest) in plan.cost[1..].iter_mut().zip(&forest[2..]) {
@@ -137,7 +192,7 @@ fn plan(tree: &BinaryTree, after_children: &[usize], bounds: &[Bounds], sizes: &
 
 struct Emitter<'a> {
     tree: &'a BinaryTree,
-    triangles: &'a [[[f32; 3]; 3]],
+    primitives: Primitives<'a>,
     bounds: &'a [Bounds],
     plans: &'a [Plan],
     nodes: Vec<Node>,
@@ -147,8 +202,8 @@ struct Emitter<'a> {
 impl Emitter<'_> {
     fn run(mut self) -> WideTree {
         let bounds = self.bounds[0];
-        let root = if self.plans[0].block {
-            self.block(0)
+        let root = if self.plans[0].leaf {
+            self.leaf(0)
         } else {
             // Depth first, so that a subtree lies together: (binary node, its wide node's parent and slot).
             let mut pending = vec![(0usize, None)];
@@ -160,10 +215,11 @@ impl Emitter<'_> {
                     parent.children[slot as usize] = Child::node(index);
                 }
                 let roots = self.forest(binary);
-                // Leaves first: any-hit queries try them before they descend. Then by area, largest first.
-                let mut sorted: Vec<usize> = roots.iter().copied().filter(|&n| self.plans[n].block).collect();
+                // Blocks first: any-hit queries try them before they descend. Then by area, largest first.
+                let is_block = |&n: &usize| self.plans[n].leaf && self.instance(n).is_none();
+                let mut sorted: Vec<usize> = roots.iter().copied().filter(is_block).collect();
                 let leaves = sorted.len();
-                sorted.extend(roots.iter().copied().filter(|&n| !self.plans[n].block));
+                sorted.extend(roots.iter().copied().filter(|n| !is_block(n)));
                 let by_area = |a: &usize, b: &usize| {
                     self.bounds[*b].half_area().total_cmp(&self.bounds[*a].half_area())
                 };
@@ -175,13 +231,15 @@ impl Emitter<'_> {
                         self.nodes[index as usize].bounds[axis][0].0[slot] = b.min[axis];
                         self.nodes[index as usize].bounds[axis][1].0[slot] = b.max[axis];
                     }
-                    if slot < leaves {
-                        let leaf = self.block(child);
+                    if self.plans[child].leaf {
+                        let leaf = self.leaf(child);
                         self.nodes[index as usize].children[slot] = leaf;
                     }
                 }
                 for (slot, &child) in sorted.iter().enumerate().skip(leaves).rev() {
-                    pending.push((child, Some((index, slot as u32))));
+                    if !self.plans[child].leaf {
+                        pending.push((child, Some((index, slot as u32))));
+                    }
                 }
             }
             Child::node(0)
@@ -212,7 +270,19 @@ impl Emitter<'_> {
         roots
     }
 
-    fn block(&mut self, binary: usize) -> Child {
+    /// The instance that a binary node is, if it is one.
+    fn instance(&self, binary: usize) -> Option<u32> {
+        let node = self.tree.nodes[binary];
+        if node.count == 0 {
+            return None;
+        }
+        self.primitives.instance(*leaf_primitives(self.tree, node).first()?)
+    }
+
+    fn leaf(&mut self, binary: usize) -> Child {
+        if let Some(instance) = self.instance(binary) {
+            return Child::instance(instance);
+        }
         let mut primitives = Vec::with_capacity(LANES);
         let mut stack = vec![binary];
         while let Some(n) = stack.pop() {
@@ -224,7 +294,8 @@ impl Emitter<'_> {
             }
         }
         let index = self.blocks.len() as u32;
-        self.blocks.push(Block::new(primitives.into_iter().map(|p| (p, self.triangles[p as usize]))));
+        self.blocks
+            .push(Block::new(primitives.into_iter().map(|p| (p, self.primitives.triangles[p as usize]))));
         Child::leaf(index)
     }
 }

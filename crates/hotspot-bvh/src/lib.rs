@@ -14,6 +14,8 @@
 //! * Robust: closed meshes do not leak, and every query agrees exactly with a loop over all triangles
 //!   (`triangle.rs` has the argument).
 //! * The same hits and the same counts on every processor and instruction set, bit for bit.
+//! * Meshes that appear many times are stored once ([`Bvh::build_instanced`]); surfaces with holes are cut out during
+//!   traversal ([`Filter`]); a tree without them does not pay for them.
 //! * obvhs (PLOC with reinsertion) decides the topology; a dynamic program collapses it to eight children per node and up
 //!   to eight triangles per leaf block.
 
@@ -21,7 +23,10 @@
 
 mod build;
 mod collapse;
+mod filter;
+mod instance;
 mod node;
+pub mod oracle;
 mod ray;
 pub mod simd;
 mod stack;
@@ -29,10 +34,12 @@ mod traverse;
 mod triangle;
 
 pub use build::{BuildOptions, Quality};
+pub use filter::{Candidate, Filter, NoFilter};
 pub use hotspot_probe::{NoProbe, RayProbe};
-pub use ray::{Hit, Ray};
-pub use traverse::oracle;
+pub use instance::Instance;
+pub use ray::{Hit, NO_INSTANCE, Ray};
 
+use instance::Placed;
 use node::{Bounds, Child, Node};
 use simd::{Isa, Portable, Simd};
 use triangle::{Block, NO_PRIMITIVE};
@@ -45,27 +52,66 @@ pub const WIDTH: u32 = 8;
 pub enum BvhError {
     /// A coordinate is NaN or infinite; drop the triangle before building.
     NotFinite {
+        /// Index of the mesh; `None`: a triangle of the world.
+        mesh: Option<usize>,
         /// Index of the triangle.
         triangle: usize,
     },
-    /// More than 2^31 − 2 triangles.
+    /// More than 2^30 − 2 triangles.
     TooManyTriangles {
         /// How many were given.
         count: usize,
+    },
+    /// More than 2^30 − 2 instances and triangles of the world.
+    TooManyInstances {
+        /// How many were given.
+        count: usize,
+    },
+    /// An instance of a mesh that was not given.
+    NoSuchMesh {
+        /// Index of the instance.
+        instance: usize,
+    },
+    /// An instance of a mesh without triangles; leave it out.
+    EmptyMesh {
+        /// Index of the instance.
+        instance: usize,
+    },
+    /// An instance whose matrix has no (faithful) inverse, or which lies beyond the range of f32; place its triangles
+    /// themselves.
+    NotInvertible {
+        /// Index of the instance.
+        instance: usize,
     },
 }
 
 impl core::fmt::Display for BvhError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
-            Self::NotFinite { triangle } => {
+            Self::NotFinite { mesh, triangle } => {
+                let place = mesh.map_or(String::new(), |mesh| format!(" of mesh {mesh}"));
                 write!(
                     f,
-                    "triangle {triangle} has a coordinate that is not finite; drop it before building the tree"
+                    "triangle {triangle}{place} has a coordinate that is not finite; drop it before building the tree"
                 )
             }
             Self::TooManyTriangles { count } => {
                 write!(f, "{count} triangles are more than a tree can hold ({})", Child::LIMIT)
+            }
+            Self::TooManyInstances { count } => {
+                write!(f, "{count} instances are more than a tree can hold ({})", Child::LIMIT)
+            }
+            Self::NoSuchMesh { instance } => {
+                write!(f, "instance {instance} is of a mesh that does not exist; give the mesh")
+            }
+            Self::EmptyMesh { instance } => {
+                write!(f, "instance {instance} is of a mesh without triangles; leave it out")
+            }
+            Self::NotInvertible { instance } => {
+                write!(
+                    f,
+                    "the matrix of instance {instance} cannot be inverted; place its triangles themselves"
+                )
             }
         }
     }
@@ -79,6 +125,7 @@ pub struct Bvh {
     nodes: Vec<Node>,
     blocks: Vec<Block>,
     root: Child,
+    instances: Vec<Placed>,
     bounds: Bounds,
     triangles: usize,
     isa: Isa,
@@ -91,7 +138,25 @@ impl Bvh {
     /// When a coordinate is not finite or there are too many triangles. Degenerate triangles are allowed; nothing hits
     /// them.
     pub fn build(triangles: &[[[f32; 3]; 3]], options: BuildOptions) -> Result<Self, BvhError> {
-        build::build(triangles, options)
+        build::build(triangles, &[], &[], options)
+    }
+
+    /// Builds a tree over `triangles` of the world and over `instances` of `meshes`, each of which is stored once.
+    ///
+    /// # Errors
+    /// As [`Bvh::build`], and when an instance names no mesh, or one without triangles, or has no faithful inverse.
+    pub fn build_instanced(
+        triangles: &[[[f32; 3]; 3]],
+        meshes: &[Vec<[[f32; 3]; 3]>],
+        instances: &[Instance],
+        options: BuildOptions,
+    ) -> Result<Self, BvhError> {
+        build::build(triangles, meshes, instances, options)
+    }
+
+    /// Whether an instance with this matrix can be part of a tree.
+    pub fn can_place(to_world: &[[f64; 4]; 3]) -> bool {
+        instance::inverse(to_world).is_some()
     }
 
     /// The nearest hit of `ray` in (`t_min`, `t_max`).
@@ -121,24 +186,65 @@ impl Bvh {
     /// [`Bvh::closest_hit`] under a token chosen by the caller, for loops that are compiled for it as a whole.
     #[inline(always)]
     pub fn closest_hit_with<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> Option<Hit> {
+        if !self.instances.is_empty() {
+            return self.closest_hit_filtered(simd, ray, NoFilter, probe);
+        }
         simd.vectorize(
             #[inline(always)]
-            || traverse::closest(simd, self, ray, probe),
+            || traverse::closest::<S, P, NoFilter, false>(simd, self, ray, NoFilter, probe),
         )
     }
 
     /// [`Bvh::occluded`] under a token chosen by the caller.
     #[inline(always)]
     pub fn occluded_with<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> bool {
+        if !self.instances.is_empty() {
+            return self.occluded_filtered(simd, ray, NoFilter, probe);
+        }
         simd.vectorize(
             #[inline(always)]
-            || traverse::any(simd, self, ray, probe),
+            || traverse::any::<S, P, NoFilter, false>(simd, self, ray, NoFilter, probe),
         )
     }
 
-    /// Triangles given to the build.
+    /// The nearest hit that `filter` accepts. Not inlined, so that a loop that seldom needs it stays small.
+    #[inline(never)]
+    pub fn closest_hit_filtered<S: Simd, P: RayProbe, F: Filter>(
+        &self,
+        simd: S,
+        ray: &Ray,
+        filter: F,
+        probe: P,
+    ) -> Option<Hit> {
+        simd.vectorize(
+            #[inline(always)]
+            || traverse::closest::<S, P, F, true>(simd, self, ray, filter, probe),
+        )
+    }
+
+    /// Whether there is a hit that `filter` accepts.
+    #[inline(never)]
+    pub fn occluded_filtered<S: Simd, P: RayProbe, F: Filter>(
+        &self,
+        simd: S,
+        ray: &Ray,
+        filter: F,
+        probe: P,
+    ) -> bool {
+        simd.vectorize(
+            #[inline(always)]
+            || traverse::any::<S, P, F, true>(simd, self, ray, filter, probe),
+        )
+    }
+
+    /// Triangles stored: those of the world, and those of each mesh once.
     pub const fn triangle_count(&self) -> usize {
         self.triangles
+    }
+
+    /// Instances.
+    pub fn instance_count(&self) -> usize {
+        self.instances.len()
     }
 
     /// Inner nodes.
@@ -151,7 +257,8 @@ impl Bvh {
         self.blocks.len()
     }
 
-    /// Triangles of leaf block `block`, by the index they were given with; empty beyond the last block.
+    /// Triangles of leaf block `block`, by the index they were given with (within their mesh, for the blocks of meshes);
+    /// empty beyond the last block.
     pub fn block_triangles(&self, block: u32) -> impl Iterator<Item = u32> + '_ {
         let primitives = self.blocks.get(block as usize).map_or(&[][..], |b| &b.primitives[..]);
         primitives.iter().copied().filter(|&p| p != NO_PRIMITIVE)
@@ -159,10 +266,12 @@ impl Bvh {
 
     /// Bytes held by nodes and leaf blocks.
     pub fn memory(&self) -> u64 {
-        (size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())) as u64
+        (size_of_val(self.nodes.as_slice())
+            + size_of_val(self.blocks.as_slice())
+            + size_of_val(self.instances.as_slice())) as u64
     }
 
-    /// Corners of the bounding box of all triangles; (+∞, −∞) when there are none.
+    /// Corners of the bounding box of everything, in the world; (+∞, −∞) when there are none.
     pub const fn bounds(&self) -> ([f32; 3], [f32; 3]) {
         (self.bounds.min, self.bounds.max)
     }
@@ -179,6 +288,7 @@ impl Bvh {
             bounds.chain(n.children.map(|c| c.0))
         });
         let blocks = self.blocks.iter().flat_map(|b| b.primitives);
-        nodes.chain(blocks).chain([self.root.0])
+        let instances = self.instances.iter().flat_map(Placed::words);
+        nodes.chain(blocks).chain(instances).chain([self.root.0])
     }
 }

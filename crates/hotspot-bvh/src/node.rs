@@ -2,7 +2,19 @@
 
 use crate::simd::F8;
 
-/// Points to a child: a leaf block, or another node.
+impl Default for Child {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
+/// Points to a child: a leaf block, an instance, or another node. Blocks and instances are leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Child(pub(crate) u32);
 
@@ -10,8 +22,9 @@ impl Child {
     const LEAF: u32 = 1 << 31;
     /// An unused slot; its box is inside out, so no ray enters it.
     pub(crate) const EMPTY: Self = Self(u32::MAX);
+    const INSTANCE: u32 = 1 << 30;
     /// Indices below this fit into a child.
-    pub(crate) const LIMIT: u32 = Self::LEAF - 1;
+    pub(crate) const LIMIT: u32 = Self::INSTANCE - 1;
 
     pub(crate) const fn leaf(block: u32) -> Self {
         Self(block | Self::LEAF)
@@ -21,15 +34,36 @@ impl Child {
         Self(node)
     }
 
+    pub(crate) const fn instance(instance: u32) -> Self {
+        Self(instance | Self::LEAF | Self::INSTANCE)
+    }
+
+    #[inline(always)]
+    pub(crate) const fn is_instance(self) -> bool {
+        self.0 & Self::INSTANCE != 0
+    }
+
     #[inline(always)]
     pub(crate) const fn is_leaf(self) -> bool {
         self.0 & Self::LEAF != 0
     }
 
-    /// Block index of a leaf, node index otherwise.
+    /// Index of the block, instance or node.
     #[inline(always)]
     pub(crate) const fn index(self) -> usize {
-        (self.0 & !Self::LEAF) as usize
+        (self.0 & !(Self::LEAF | Self::INSTANCE)) as usize
+    }
+
+    /// The same child after its blocks and nodes were moved by so many places.
+    pub(crate) const fn moved(self, nodes: u32, blocks: u32) -> Self {
+        if self.is_instance() {
+            // An instance, or empty.
+            self
+        } else if self.is_leaf() {
+            Self(self.0 + blocks)
+        } else {
+            Self(self.0 + nodes)
+        }
     }
 }
 
@@ -39,7 +73,7 @@ impl Child {
 pub(crate) struct Node {
     /// `bounds[axis]`: minima and maxima, one child per lane.
     pub(crate) bounds: [[F8; 2]; 3],
-    /// Leaves first, then nodes, then unused slots.
+    /// Leaf blocks first, then nodes and instances, then unused slots.
     pub(crate) children: [Child; 8],
 }
 
@@ -48,6 +82,17 @@ impl Node {
         bounds: [[F8([f32::INFINITY; 8]), F8([f32::NEG_INFINITY; 8])]; 3],
         children: [Child::EMPTY; 8],
     };
+
+    /// The occupied slots' boxes and children.
+    pub(crate) fn occupied(&self) -> impl Iterator<Item = (Bounds, Child)> + '_ {
+        let bounds = |slot: usize| Bounds {
+            min: [0, 1, 2].map(|axis| self.bounds[axis][0].0[slot]),
+            max: [0, 1, 2].map(|axis| self.bounds[axis][1].0[slot]),
+        };
+        (0..8)
+            .filter(|&slot| self.children[slot] != Child::EMPTY)
+            .map(move |slot| (bounds(slot), self.children[slot]))
+    }
 
     /// Occupied slots: the boxes that a visit tests.
     #[inline(always)]

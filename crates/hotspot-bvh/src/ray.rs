@@ -31,6 +31,9 @@ impl Ray {
     }
 }
 
+/// In place of an instance: the hit is on a triangle of the world.
+pub const NO_INSTANCE: u32 = u32::MAX;
+
 /// The nearest hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
@@ -40,9 +43,11 @@ pub struct Hit {
     pub u: f32,
     /// Barycentric weight of the third vertex, in [0, 1], u + v ≤ 1.
     pub v: f32,
-    /// Index of the triangle as given to the build.
+    /// Index of the triangle as given to the build; of an instance's mesh where [`Hit::instance`] names one.
     pub primitive: u32,
-    /// Geometric normal of unit length, on the side from which the triangle is counter-clockwise; zero where the
+    /// Index of the instance, [`NO_INSTANCE`] for triangles of the world.
+    pub instance: u32,
+    /// Geometric normal in the world, of unit length, on the side from which the triangle is counter-clockwise; zero where the
     /// triangle is degenerate.
     pub normal: [f32; 3],
 }

@@ -2,14 +2,19 @@
 //!
 //! Order of visits (it decides the counts): the nearest-hit query visits the hit children of a node from near to far,
 //! ties by child word; a child whose box begins beyond the best hit when its turn comes is culled and not counted. The
-//! any-hit query visits hit children in slot order, leaves first.
+//! any-hit query visits hit children in slot order, leaf blocks first.
+//!
+//! An instance is searched when its turn comes, as a tree of its own with a stack of its own; `INSTANCED` compiles that out
+//! where a tree has none. A [`Filter`] is asked about each hit that would count.
 
 use crate::Bvh;
+use crate::filter::{Candidate, Filter};
+use crate::instance::{clamped, search_limit};
 use crate::node::{Child, Node};
-use crate::ray::{Hit, Ray};
-use crate::simd::{F8, Portable, Simd};
+use crate::ray::{Hit, NO_INSTANCE, Ray};
+use crate::simd::{F8, Simd};
 use crate::stack::Stack;
-use crate::triangle::{FAR_PAD, NO_PRIMITIVE, RayFrame, confirm, details};
+use crate::triangle::{FAR_PAD, RayFrame, confirm, details};
 use hotspot_probe::RayProbe;
 
 /// A child waiting: the distance's bits (ordered as the distance, which is not negative) above the child word.
@@ -35,7 +40,7 @@ impl Pending {
 }
 
 /// The ray in registers.
-struct SlabTest<S: Simd> {
+pub(crate) struct SlabTest<S: Simd> {
     origin: [S::Vector; 3],
     inverse: [S::Vector; 3],
     down: [bool; 3],
@@ -44,7 +49,7 @@ struct SlabTest<S: Simd> {
 
 impl<S: Simd> SlabTest<S> {
     #[inline(always)]
-    fn new(s: S, frame: &RayFrame) -> Self {
+    pub(crate) fn new(s: S, frame: &RayFrame) -> Self {
         let o = frame.ray.origin;
         let i = frame.inverse;
         Self {
@@ -64,7 +69,7 @@ impl<S: Simd> SlabTest<S> {
     /// ([`FAR_PAD`]). A NaN (0 · ∞: the origin on a plane that the ray runs along) drops out: `min` and `max` keep their
     /// second operand.
     #[inline(always)]
-    fn enter(&self, s: S, node: &Node, t_max: f32) -> (S::Vector, u32) {
+    pub(crate) fn enter(&self, s: S, node: &Node, t_max: f32) -> (S::Vector, u32) {
         let [x, y, z] = self.down;
         let near = s.max(self.plane(s, node, 0, x), self.t_min);
         let near = s.max(self.plane(s, node, 1, y), near);
@@ -84,34 +89,100 @@ fn next(near: &F8, node: &Node, entered: u32) -> (u32, Pending) {
     (entered & (entered - 1), Pending::new(near.0[slot], node.children[slot]))
 }
 
+/// The best hit so far.
+#[derive(Clone, Copy)]
+struct Best {
+    /// Its distance, or the end of the ray.
+    t: f32,
+    primitive: u32,
+    instance: u32,
+    block: usize,
+    lane: usize,
+    found: bool,
+}
+
+impl Best {
+    /// Nothing yet. Something at `t_max` itself does not count: it would need an index below 0 to win the tie.
+    #[inline(always)]
+    fn none(t_max: f32) -> Self {
+        Self { t: t_max, primitive: 0, instance: NO_INSTANCE, block: 0, lane: 0, found: false }
+    }
+}
+
 /// The nearest hit.
 #[inline(always)]
-pub(crate) fn closest<S: Simd, P: RayProbe>(s: S, bvh: &Bvh, ray: &Ray, mut probe: P) -> Option<Hit> {
+pub(crate) fn closest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
+    s: S,
+    bvh: &Bvh,
+    ray: &Ray,
+    mut filter: F,
+    mut probe: P,
+) -> Option<Hit> {
     let frame = RayFrame::new(ray);
-    let slabs = SlabTest::new(s, &frame);
-    // A hit at t_max itself does not count: it would need an index below 0 to win the tie.
-    let mut best = Best { t: ray.t_max, primitive: 0, block: 0, lane: 0 };
-    let mut found = false;
-    let mut stack: Stack<Pending> = Stack::new();
-    let mut current = bvh.root;
-    if current == Child::EMPTY || !ray.is_finite() {
+    if bvh.root == Child::EMPTY || !ray.is_finite() {
         probe.finish(false);
         return None;
     }
+    let place = Place { bvh, root: bvh.root, frame: &frame, instance: NO_INSTANCE };
+    let best = nearest::<S, P, F, INSTANCED>(s, place, Best::none(ray.t_max), &mut filter, &mut probe);
+    probe.finish(best.found);
+    if !best.found {
+        return None;
+    }
+    let triangle = bvh.blocks[best.block].triangle(best.lane);
+    let (u, v, normal) = if INSTANCED && best.instance != NO_INSTANCE {
+        let placed = &bvh.instances[best.instance as usize];
+        let frame = RayFrame::new(&placed.object_ray(ray, f32::INFINITY));
+        let (u, v, normal) = details(&frame, &triangle);
+        (u, v, placed.world_normal(normal))
+    } else {
+        details(&frame, &triangle)
+    };
+    Some(Hit { t: best.t, u, v, primitive: best.primitive, instance: best.instance, normal })
+}
+
+/// A tree, and the ray in its space.
+#[derive(Clone, Copy)]
+struct Place<'a> {
+    bvh: &'a Bvh,
+    root: Child,
+    frame: &'a RayFrame,
+    instance: u32,
+}
+
+#[inline(always)]
+fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
+    s: S,
+    place: Place<'_>,
+    mut best: Best,
+    filter: &mut F,
+    probe: &mut P,
+) -> Best {
+    let Place { bvh, root, frame, instance } = place;
+    let slabs = SlabTest::new(s, frame);
+    let mut stack: Stack<Pending> = Stack::new();
+    let mut current = root;
     'visit: loop {
-        if current.is_leaf() {
+        if INSTANCED && current.is_leaf() && current.is_instance() {
+            best = nearest_of_instance(s, place, current.index(), best, filter, probe);
+        } else if current.is_leaf() {
             let index = current.index();
             let block = &bvh.blocks[index];
             probe.leaf(index as u32, block.count());
-            let mut candidates = block.candidates(s, &frame);
+            let mut candidates = block.candidates(s, frame);
             while candidates != 0 {
                 let lane = candidates.trailing_zeros() as usize & 7;
                 candidates &= candidates - 1;
-                if let Some(t) = confirm(&frame, &block.triangle(lane), best.t) {
+                let triangle = block.triangle(lane);
+                if let Some(t) = confirm(frame, &triangle, best.t) {
                     let primitive = block.primitives[lane];
-                    if t < best.t || primitive < best.primitive {
-                        best = Best { t, primitive, block: index, lane };
-                        found = true;
+                    // Triangles of the world win ties against those of instances.
+                    let wins_ties = primitive < best.primitive || (INSTANCED && best.instance != NO_INSTANCE);
+                    if t < best.t || wins_ties {
+                        let candidate = Candidate { instance, primitive, frame, triangle: &triangle };
+                        if !F::ON || filter.accept(&candidate, probe) {
+                            best = Best { t, primitive, instance, block: index, lane, found: true };
+                        }
                     }
                 }
             }
@@ -167,52 +238,106 @@ pub(crate) fn closest<S: Simd, P: RayProbe>(s: S, bvh: &Bvh, ray: &Ray, mut prob
             }
         }
     }
-    probe.finish(found);
-    if !found {
-        return None;
-    }
-    let (u, v, normal) = details(&frame, &bvh.blocks[best.block].triangle(best.lane));
-    Some(Hit { t: best.t, u, v, primitive: best.primitive, normal })
+    best
 }
 
-#[derive(Clone, Copy)]
-struct Best {
-    t: f32,
-    primitive: u32,
-    block: usize,
-    lane: usize,
+/// Searches an instance: `best`, or what it holds before that. Not inlined: it would double the code of the loop.
+#[inline(never)]
+fn nearest_of_instance<S: Simd, P: RayProbe, F: Filter>(
+    s: S,
+    place: Place<'_>,
+    index: usize,
+    best: Best,
+    filter: &mut F,
+    probe: &mut P,
+) -> Best {
+    s.vectorize(
+        #[inline(always)]
+        || {
+            let placed = &place.bvh.instances[index];
+            let Some(interval) = placed.interval(place.frame, best.t) else { return best };
+            let limit = search_limit(best.t, interval);
+            let ray = placed.object_ray(&place.frame.ray, limit);
+            probe.instance(index as u32);
+            if !ray.is_finite() {
+                return best;
+            }
+            let frame = RayFrame::new(&ray);
+            let inside = Place { bvh: place.bvh, root: placed.root, frame: &frame, instance: index as u32 };
+            // A tie with a hit elsewhere is decided below.
+            let ties = best.found && limit == best.t;
+            let start = Best { primitive: if ties { u32::MAX } else { 0 }, ..Best::none(limit) };
+            let mut found = nearest::<S, P, F, false>(s, inside, start, filter, probe);
+            if !found.found {
+                return best;
+            }
+            found.t = clamped(found.t, interval);
+            // Triangles of the world win ties, then lower instances.
+            let wins_ties = best.found && best.instance != NO_INSTANCE && found.instance < best.instance;
+            if found.t < best.t || (found.t == best.t && wins_ties) { found } else { best }
+        },
+    )
 }
 
 /// Whether anything is hit.
 #[inline(always)]
-pub(crate) fn any<S: Simd, P: RayProbe>(s: S, bvh: &Bvh, ray: &Ray, mut probe: P) -> bool {
+pub(crate) fn any<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
+    s: S,
+    bvh: &Bvh,
+    ray: &Ray,
+    mut filter: F,
+    mut probe: P,
+) -> bool {
     let frame = RayFrame::new(ray);
-    let slabs = SlabTest::new(s, &frame);
-    let mut stack: Stack<Child> = Stack::new();
-    let mut current = bvh.root;
-    if current == Child::EMPTY || !ray.is_finite() {
+    if bvh.root == Child::EMPTY || !ray.is_finite() {
         probe.finish(false);
         return false;
     }
+    let place = Place { bvh, root: bvh.root, frame: &frame, instance: NO_INSTANCE };
+    let hit = blocked::<S, P, F, INSTANCED>(s, place, &mut filter, &mut probe);
+    probe.finish(hit);
+    hit
+}
+
+#[inline(always)]
+fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
+    s: S,
+    place: Place<'_>,
+    filter: &mut F,
+    probe: &mut P,
+) -> bool {
+    let Place { bvh, root, frame, instance } = place;
+    let t_max = frame.ray.t_max;
+    let slabs = SlabTest::new(s, frame);
+    let mut stack: Stack<Child> = Stack::new();
+    let mut current = root;
     loop {
-        if current.is_leaf() {
+        if INSTANCED && current.is_leaf() && current.is_instance() {
+            if blocked_by_instance(s, place, current.index(), filter, probe) {
+                return true;
+            }
+        } else if current.is_leaf() {
             let index = current.index();
             let block = &bvh.blocks[index];
             probe.leaf(index as u32, block.count());
-            let mut candidates = block.candidates(s, &frame);
+            let mut candidates = block.candidates(s, frame);
             while candidates != 0 {
                 let lane = candidates.trailing_zeros() as usize & 7;
                 candidates &= candidates - 1;
-                if confirm(&frame, &block.triangle(lane), ray.t_max).is_some_and(|t| t < ray.t_max) {
-                    probe.finish(true);
-                    return true;
+                let triangle = block.triangle(lane);
+                if confirm(frame, &triangle, t_max).is_some_and(|t| t < t_max) {
+                    let primitive = block.primitives[lane];
+                    let candidate = Candidate { instance, primitive, frame, triangle: &triangle };
+                    if !F::ON || filter.accept(&candidate, probe) {
+                        return true;
+                    }
                 }
             }
         } else {
             let index = current.index();
             let node = &bvh.nodes[index];
             probe.node(index as u32, node.count());
-            let (_, mut entered) = slabs.enter(s, node, ray.t_max);
+            let (_, mut entered) = slabs.enter(s, node, t_max);
             if entered != 0 {
                 // Last slot first onto the stack, so that the first slot, a leaf if there is one, comes next.
                 while entered & (entered - 1) != 0 {
@@ -226,142 +351,39 @@ pub(crate) fn any<S: Simd, P: RayProbe>(s: S, bvh: &Bvh, ray: &Ray, mut probe: P
         }
         match stack.pop() {
             Some(child) => current = child,
-            None => {
-                probe.finish(false);
-                return false;
-            }
+            None => return false,
         }
     }
 }
 
-/// The slow, obvious twins: recursion and plain loops, for tests.
-pub mod oracle {
-    use super::*;
-
-    /// Tests every triangle: no tree at all. `triangles` as given to the build.
-    pub fn brute_force(triangles: &[[[f32; 3]; 3]], ray: &Ray) -> Option<Hit> {
-        let frame = RayFrame::new(ray);
-        let mut best: Option<(f32, u32)> = None;
-        if !ray.is_finite() {
-            return None;
-        }
-        for (index, triangle) in triangles.iter().enumerate() {
-            if let Some(t) = confirm(&frame, triangle, ray.t_max)
-                && t < best.map_or(ray.t_max, |b| b.0)
-            {
-                best = Some((t, index as u32));
+/// Whether an instance blocks the ray. Not inlined: it would double the code of the loop.
+#[inline(never)]
+fn blocked_by_instance<S: Simd, P: RayProbe, F: Filter>(
+    s: S,
+    place: Place<'_>,
+    index: usize,
+    filter: &mut F,
+    probe: &mut P,
+) -> bool {
+    s.vectorize(
+        #[inline(always)]
+        || {
+            let placed = &place.bvh.instances[index];
+            let t_max = place.frame.ray.t_max;
+            // A hit may be clamped to where the box begins, never before; one at t_max does not count.
+            let Some(interval) = placed.interval(place.frame, t_max).filter(|(near, _)| *near < t_max) else {
+                return false;
+            };
+            // Where the box ends before t_max, every hit in it does too.
+            let limit = if interval.1 < t_max { f32::INFINITY } else { t_max };
+            let ray = placed.object_ray(&place.frame.ray, limit);
+            probe.instance(index as u32);
+            if !ray.is_finite() {
+                return false;
             }
-        }
-        best.map(|(t, primitive)| {
-            let (u, v, normal) = details(&frame, &triangles[primitive as usize]);
-            Hit { t, u, v, primitive, normal }
-        })
-    }
-
-    /// What a query did, counted by the oracle.
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-    pub struct Counts {
-        /// Inner nodes visited.
-        pub nodes: u64,
-        /// Child boxes tested.
-        pub boxes: u64,
-        /// Leaf blocks tested.
-        pub leaves: u64,
-        /// Triangles tested.
-        pub shapes: u64,
-    }
-
-    /// Nearest hit by recursion over the tree, scalar, sorting with the standard library; counts by the definitions.
-    pub fn closest(bvh: &Bvh, ray: &Ray) -> (Option<(u32, f32)>, Counts) {
-        let mut state = Search { bvh, frame: RayFrame::new(ray), best: None, counts: Counts::default() };
-        if bvh.root != Child::EMPTY && ray.is_finite() {
-            // The root has no box: it is visited even if the interval is empty.
-            state.nearest(bvh.root, f32::NEG_INFINITY);
-        }
-        (state.best.map(|(t, p)| (p, t)), state.counts)
-    }
-
-    /// Any hit by recursion; counts by the definitions.
-    pub fn occluded(bvh: &Bvh, ray: &Ray) -> (bool, Counts) {
-        let mut state = Search { bvh, frame: RayFrame::new(ray), best: None, counts: Counts::default() };
-        let hit = bvh.root != Child::EMPTY && ray.is_finite() && state.any(bvh.root);
-        (hit, state.counts)
-    }
-
-    struct Search<'b> {
-        bvh: &'b Bvh,
-        frame: RayFrame,
-        best: Option<(f32, u32)>,
-        counts: Counts,
-    }
-
-    impl Search<'_> {
-        fn t_max(&self) -> f32 {
-            self.best.map_or(self.frame.ray.t_max, |b| b.0)
-        }
-
-        /// Slot and entry distance of the children entered by `t_max`, in slot order.
-        fn entered(&mut self, child: Child, t_max: f32) -> Vec<(f32, Child)> {
-            let node = &self.bvh.nodes[child.index()];
-            self.counts.nodes += 1;
-            let slabs = SlabTest::new(Portable, &self.frame);
-            let (near, bits) = slabs.enter(Portable, node, t_max);
-            let F8(near) = near;
-            let mut entered = Vec::new();
-            for (slot, &child) in node.children.iter().enumerate() {
-                if child != Child::EMPTY {
-                    self.counts.boxes += 1;
-                    if bits >> slot & 1 == 1 {
-                        entered.push((near[slot], child));
-                    }
-                }
-            }
-            entered
-        }
-
-        fn leaf(&mut self, child: Child) -> Vec<(u32, [[f32; 3]; 3])> {
-            let block = &self.bvh.blocks[child.index()];
-            self.counts.leaves += 1;
-            let used: Vec<_> = (0..8)
-                .filter(|&lane| block.primitives[lane] != NO_PRIMITIVE)
-                .map(|lane| (block.primitives[lane], block.triangle(lane)))
-                .collect();
-            self.counts.shapes += used.len() as u64;
-            used
-        }
-
-        fn nearest(&mut self, child: Child, near: f32) {
-            if near > self.t_max() {
-                return;
-            }
-            if child.is_leaf() {
-                for (primitive, triangle) in self.leaf(child) {
-                    if let Some(t) = confirm(&self.frame, &triangle, self.frame.ray.t_max)
-                        && t < self.frame.ray.t_max
-                        && self.best.is_none_or(|best| (t, primitive) < best)
-                    {
-                        self.best = Some((t, primitive));
-                    }
-                }
-                return;
-            }
-            let mut entered = self.entered(child, self.t_max());
-            entered.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.0.cmp(&b.1.0)));
-            for (near, child) in entered {
-                self.nearest(child, near);
-            }
-        }
-
-        fn any(&mut self, child: Child) -> bool {
-            if child.is_leaf() {
-                let triangles = self.leaf(child);
-                return triangles.iter().any(|(_, triangle)| {
-                    confirm(&self.frame, triangle, self.frame.ray.t_max)
-                        .is_some_and(|t| t < self.frame.ray.t_max)
-                });
-            }
-            let entered = self.entered(child, self.frame.ray.t_max);
-            entered.into_iter().any(|(_, child)| self.any(child))
-        }
-    }
+            let frame = RayFrame::new(&ray);
+            let inside = Place { bvh: place.bvh, root: placed.root, frame: &frame, instance: index as u32 };
+            blocked::<S, P, F, false>(s, inside, filter, probe)
+        },
+    )
 }

@@ -204,6 +204,23 @@ fn sheared_exactly(frame: &RayFrame, vertex: &[f32; 3]) -> [f64; 2] {
     [x, y]
 }
 
+/// Where a ray enters a box (not before 0) and where it leaves it, unpadded. NaN (0 · ∞: the origin lies on a plane that
+/// the ray runs along) drops out, since the comparisons keep the other operand.
+#[inline(always)]
+pub(crate) fn slab_interval(frame: &RayFrame, min: &[f32; 3], max: &[f32; 3]) -> (f32, f32) {
+    let o = frame.ray.origin;
+    let (mut enter, mut leave) = (0.0, f32::INFINITY);
+    for axis in 0..3 {
+        let bounds = [min[axis], max[axis]];
+        let side = usize::from(frame.down[axis]);
+        let near = (bounds[side] - o[axis]) * frame.inverse[axis];
+        let far = (bounds[1 - side] - o[axis]) * frame.inverse[axis];
+        enter = if near > enter { near } else { enter };
+        leave = if far < leave { far } else { leave };
+    }
+    (enter, leave)
+}
+
 /// Decides whether a triangle is hit within (`t_min`, `t_max`], and where: the whole definition of the file's header.
 #[inline(always)]
 pub(crate) fn confirm(frame: &RayFrame, triangle: &[[f32; 3]; 3], t_max: f32) -> Option<f32> {
@@ -211,18 +228,11 @@ pub(crate) fn confirm(frame: &RayFrame, triangle: &[[f32; 3]; 3], t_max: f32) ->
     let d = frame.ray.direction;
     let t_min = frame.ray.t_min;
 
-    // Rule 2, and the interval for t. NaN (0 · ∞: the origin lies on a plane that the ray runs along) drops out, since
-    // the comparisons keep the other operand.
-    let (mut enter, mut leave) = (0.0, f32::INFINITY);
-    for axis in 0..3 {
-        let (a, b, c) = (triangle[0][axis], triangle[1][axis], triangle[2][axis]);
-        let bounds = [a.min(b).min(c), a.max(b).max(c)];
-        let side = usize::from(frame.down[axis]);
-        let near = (bounds[side] - o[axis]) * frame.inverse[axis];
-        let far = (bounds[1 - side] - o[axis]) * frame.inverse[axis];
-        enter = if near > enter { near } else { enter };
-        leave = if far < leave { far } else { leave };
-    }
+    // Rule 2, and the interval for t.
+    let [a, b, c] = triangle;
+    let min = [a[0].min(b[0]).min(c[0]), a[1].min(b[1]).min(c[1]), a[2].min(b[2]).min(c[2])];
+    let max = [a[0].max(b[0]).max(c[0]), a[1].max(b[1]).max(c[1]), a[2].max(b[2]).max(c[2])];
+    let (enter, leave) = slab_interval(frame, &min, &max);
     let near = if enter > t_min { enter } else { t_min };
     let passes = near <= leave * FAR_PAD && near <= t_max;
     if !passes {

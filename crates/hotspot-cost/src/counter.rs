@@ -38,6 +38,8 @@ pub enum Counter {
     Texture,
     /// Bytes of texels touched.
     TextureBytes,
+    /// Hits that were asked whether the surface is there at all (alpha tests).
+    Alpha,
     /// Nodes visited in vain: by paths that brought no radiance, and by blocked shadow rays of the others.
     WasteNodes,
     /// Triangles tested in vain, likewise.
@@ -54,7 +56,7 @@ pub enum Counter {
 
 impl Counter {
     /// Number of counters.
-    pub const COUNT: usize = 21;
+    pub const COUNT: usize = 22;
 
     /// All of them, in index order.
     pub const ALL: [Self; Self::COUNT] = [
@@ -73,6 +75,7 @@ impl Counter {
         Self::Bsdf,
         Self::Texture,
         Self::TextureBytes,
+        Self::Alpha,
         Self::WasteNodes,
         Self::WasteShapes,
         Self::Escaped,
@@ -99,6 +102,7 @@ impl Counter {
             Self::Bsdf => "bsdf",
             Self::Texture => "texture",
             Self::TextureBytes => "texture_bytes",
+            Self::Alpha => "alpha",
             Self::WasteNodes => "waste_nodes",
             Self::WasteShapes => "waste_shapes",
             Self::Escaped => "escaped",

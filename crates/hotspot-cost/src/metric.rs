@@ -97,6 +97,8 @@ pub enum Metric {
     Texture,
     /// Bytes of texels touched.
     TextureBytes,
+    /// Alpha tests.
+    Alpha,
     /// Throughput at the path's end.
     Throughput,
     /// Share of paths that left the scene.
@@ -111,7 +113,7 @@ pub enum Metric {
 
 impl Metric {
     /// All of them.
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; 25] = [
         Self::Rays,
         Self::RaysShadow,
         Self::Nodes,
@@ -131,6 +133,7 @@ impl Metric {
         Self::Bsdf,
         Self::Texture,
         Self::TextureBytes,
+        Self::Alpha,
         Self::Throughput,
         Self::Escaped,
         Self::Absorbed,
@@ -219,6 +222,7 @@ impl Metric {
             Self::Bsdf => Source::One(Counter::Bsdf),
             Self::Texture => Source::One(Counter::Texture),
             Self::TextureBytes => Source::One(Counter::TextureBytes),
+            Self::Alpha => Source::One(Counter::Alpha),
             Self::Throughput => Source::Throughput,
             Self::Escaped => Source::One(Counter::Escaped),
             Self::Absorbed => Source::One(Counter::Absorbed),

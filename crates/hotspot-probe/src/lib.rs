@@ -27,6 +27,7 @@
 //!     }
 //!     fn leaf(&mut self, _id: u32, _shapes: u32) {}
 //!     fn instance(&mut self, _id: u32) {}
+//!     fn alpha(&mut self, _lookups: u32, _bytes: u32) {}
 //!     fn finish(self, _hit: bool) {
 //!         *self.0 += self.1;
 //!     }
@@ -84,6 +85,9 @@ pub trait RayProbe {
     fn leaf(&mut self, id: u32, shapes: u32);
     /// The ray was transformed into the space of instance `id`.
     fn instance(&mut self, id: u32);
+    /// A hit was asked whether the surface is there at all (alpha masks and the like): `lookups` texture look-ups touched
+    /// `bytes` bytes of texels.
+    fn alpha(&mut self, lookups: u32, bytes: u32);
     /// The traversal ended; `hit` tells whether anything was hit (for a shadow ray: whether it was blocked).
     fn finish(self, hit: bool);
 }
@@ -117,6 +121,8 @@ impl RayProbe for NoProbe {
     fn leaf(&mut self, _id: u32, _shapes: u32) {}
     #[inline(always)]
     fn instance(&mut self, _id: u32) {}
+    #[inline(always)]
+    fn alpha(&mut self, _lookups: u32, _bytes: u32) {}
     #[inline(always)]
     fn finish(self, _hit: bool) {}
 }

@@ -44,7 +44,10 @@ fn a_single_block_is_always_tested() {
         let at_it = Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0]);
         for ray in [aside, at_it] {
             for heard in heard(&scene, &ray) {
-                assert_eq!(heard.counts, Counts { nodes: 0, boxes: 0, leaves: 1, shapes: count });
+                assert_eq!(
+                    heard.counts,
+                    Counts { nodes: 0, boxes: 0, leaves: 1, shapes: count, instances: 0 }
+                );
             }
         }
     }

@@ -132,7 +132,7 @@ fn coordinates_that_are_not_finite_are_an_error() {
                     triangles[index][corner][axis] = bad;
                     triangles[19][2][2] = f32::NAN;
                     let error = Bvh::build(&triangles, BuildOptions::default()).unwrap_err();
-                    assert_eq!(error, BvhError::NotFinite { triangle: index });
+                    assert_eq!(error, BvhError::NotFinite { mesh: None, triangle: index });
                     assert!(error.to_string().contains(&format!("triangle {index} ")), "{error}");
                 }
             }

@@ -103,6 +103,12 @@ impl Metric {
             Self::TextureBytes => {
                 ("texture_bytes", "Texture bytes", "bytes per path", "Bytes of texture touched.")
             }
+            Self::Alpha => (
+                "alpha",
+                "Alpha tests",
+                "tests per path",
+                "How often a hit was asked whether the surface is there at all.",
+            ),
             Self::Throughput => (
                 "cause.throughput",
                 "Throughput left at the end",

@@ -22,6 +22,7 @@ const LAYERS: [(&str, &str, &str); 22] = [
     ("bsdf", "BSDF evaluations", "evaluations"),
     ("texture", "Texture look-ups", "look-ups"),
     ("texture_bytes", "Texture bytes", "bytes"),
+    ("alpha", "Alpha tests", "tests"),
     ("waste", "Wasted work", "nodes + triangles"),
     ("cause.throughput", "Throughput at the end", ""),
     ("cause.escaped", "Escaped", ""),

@@ -1,0 +1,67 @@
+//! Surfaces that are not there everywhere: a say in which hits count.
+
+use crate::triangle::{RayFrame, details};
+use hotspot_probe::RayProbe;
+
+/// Decides whether a hit counts, for alpha masks and the like.
+///
+/// The answer must depend on ray, instance and triangle alone. The traversal asks only where it matters (the hit would be
+/// the nearest so far, or would block), so how often it asks depends on the order of visits, which is the same everywhere.
+pub trait Filter {
+    /// False where every hit counts, so that the traversal need not ask.
+    const ON: bool;
+    /// Whether the hit counts. What finding out costs is told to `probe` ([`RayProbe::alpha`]).
+    fn accept<P: RayProbe>(&mut self, candidate: &Candidate<'_>, probe: &mut P) -> bool;
+}
+
+/// Lets every hit count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NoFilter;
+
+impl Filter for NoFilter {
+    const ON: bool = false;
+
+    #[inline(always)]
+    fn accept<P: RayProbe>(&mut self, _candidate: &Candidate<'_>, _probe: &mut P) -> bool {
+        true
+    }
+}
+
+impl<F: Filter> Filter for &mut F {
+    const ON: bool = F::ON;
+
+    #[inline(always)]
+    fn accept<P: RayProbe>(&mut self, candidate: &Candidate<'_>, probe: &mut P) -> bool {
+        (**self).accept(candidate, probe)
+    }
+}
+
+/// A hit that may come to count.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidate<'a> {
+    pub(crate) instance: u32,
+    pub(crate) primitive: u32,
+    pub(crate) frame: &'a RayFrame,
+    pub(crate) triangle: &'a [[f32; 3]; 3],
+}
+
+impl Candidate<'_> {
+    /// Index of the instance, [`crate::NO_INSTANCE`] for triangles of the world.
+    #[inline(always)]
+    pub const fn instance(&self) -> u32 {
+        self.instance
+    }
+
+    /// Index of the triangle, as in [`crate::Hit::primitive`].
+    #[inline(always)]
+    pub const fn primitive(&self) -> u32 {
+        self.primitive
+    }
+
+    /// Barycentric weights of the triangle's second and third vertex, as in [`crate::Hit`].
+    #[inline(always)]
+    pub fn barycentric(&self) -> (f32, f32) {
+        let (u, v, _) = details(self.frame, self.triangle);
+        (u, v)
+    }
+}
