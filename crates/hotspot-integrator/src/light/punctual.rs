@@ -132,3 +132,76 @@ pub(crate) fn ray_to_position(origin: Vec3, position: Vec3) -> Option<Ray> {
     ray.t_max = (1.0 - f32::EPSILON * (5.0 + size / length)).max(0.0);
     Some(ray)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn light(kind: LightKind, intensity: [f32; 3]) -> Light {
+        Light { name: "light".into(), kind, intensity }
+    }
+
+    fn spot(cos_inner: f32, cos_outer: f32) -> LightKind {
+        LightKind::Spot { position: [0.0; 3], direction: [0.0, 0.0, -1.0], cos_inner, cos_outer }
+    }
+
+    /// ∫ I dω by midpoints over the cosine.
+    #[test]
+    fn a_spots_power_is_its_intensity_over_the_sphere() {
+        for (inner, outer) in [(0.9, 0.7), (1.0, -1.0), (0.3, 0.299), (0.999, 0.99)] {
+            let light = PunctualLight::new(&light(spot(inner, outer), [1.0, 2.0, 3.0])).unwrap();
+            let n = 200_000;
+            let sum: f64 = (0..n)
+                .map(|i| {
+                    let z = 2.0 * (f64::from(i) + 0.5) / f64::from(n) - 1.0;
+                    let p = Vec3::new((1.0 - z * z).sqrt() as f32, 0.0, -z as f32);
+                    light.sample(p).map_or(0.0, |s| match s.target {
+                        LightTarget::Position { irradiance, .. } => f64::from(irradiance.element_sum()),
+                        _ => 0.0,
+                    })
+                })
+                .sum();
+            let power = sum * 4.0 * core::f64::consts::PI / f64::from(n);
+            assert!((light.power(1.0) / power - 1.0).abs() < 1e-4, "{} for {power}", light.power(1.0));
+        }
+    }
+
+    #[test]
+    fn lights_that_cannot_shine_are_left_out() {
+        let point = |position| LightKind::Point { position };
+        assert!(PunctualLight::new(&light(point([0.0; 3]), [0.0, 1.0, 0.0])).is_some());
+        for intensity in [[0.0; 3], [-1.0; 3], [f32::NAN, 1.0, 1.0], [f32::INFINITY; 3]] {
+            assert!(PunctualLight::new(&light(point([0.0; 3]), intensity)).is_none());
+        }
+        for kind in [
+            point([f32::NAN, 0.0, 0.0]),
+            LightKind::Directional { direction: [0.0; 3] },
+            LightKind::Directional { direction: [f32::NAN; 3] },
+            spot(f32::NAN, 0.0),
+        ] {
+            assert!(PunctualLight::new(&light(kind, [1.0; 3])).is_none(), "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn nothing_comes_from_the_lights_own_position() {
+        for kind in [LightKind::Point { position: [0.0; 3] }, spot(1.0, -1.0)] {
+            let light = PunctualLight::new(&light(kind, [1.0; 3])).unwrap();
+            assert!(light.sample(Vec3::ZERO).is_none());
+            assert!(light.sample(Vec3::splat(1e-30)).is_none(), "beyond the range of f32");
+            assert!(light.sample(Vec3::splat(1e-15)).is_some());
+        }
+        assert!(ray_to_position(Vec3::ONE, Vec3::ONE).is_none());
+    }
+
+    #[test]
+    fn shadow_rays_end_just_short_of_the_light() {
+        let end = |origin, position| ray_to_position(origin, position).unwrap().t_max;
+        let near = end(Vec3::ZERO, Vec3::X);
+        assert!(near < 1.0 && near > 0.999_999, "{near}");
+        // Far from the origin the light's surroundings are coarser.
+        let far = end(Vec3::new(1e6, 0.0, 0.0), Vec3::new(1e6 + 1.0, 0.0, 0.0));
+        assert!((0.8..0.95).contains(&far), "{far}");
+        assert_eq!(end(Vec3::new(1e8, 0.0, 0.0), Vec3::new(1e8 + 8.0, 0.0, 0.0)), 0.0);
+    }
+}
