@@ -7,7 +7,7 @@
 
 use crate::bsdf::{Bsdf, Glass, RoughMetal, Substrate};
 use crate::geometry::{Part, SurfacePoint};
-use crate::light::{LightTarget, area_to_solid_angle};
+use crate::light::{LightTarget, area_to_solid_angle, ray_to_position};
 use crate::math::{Frame, power_heuristic};
 use crate::sampler::{Dimensions, Sampler};
 use crate::scene::RenderScene;
@@ -101,9 +101,8 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
 
     loop {
         let Some(hit) = scene.bvh.closest_hit_with(simd, &ray, probe.ray(spawner)) else {
-            if let Some(environment) = scene.lights.environment {
-                let weight = power_heuristic(scattered.pdf, scene.lights.environment_pdf(scattered.cos));
-                radiance += throughput * environment * weight;
+            if let Some((environment, pdf)) = scene.lights.escaped(-wo, scattered.cos, probe) {
+                radiance += throughput * environment * power_heuristic(scattered.pdf, pdf);
             }
             return end(radiance, Cause::Escaped, throughput, first_object);
         };
@@ -218,11 +217,11 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
     probe: &mut P,
 ) -> Vec3 {
     let lights = &scene.lights;
-    let Some(light) = lights.sample(vertex.point.p, vertex.frame, u) else {
+    let Some(light) = lights.sample(vertex.point.p, vertex.frame, u, probe) else {
         return Vec3::ZERO;
     };
     probe.bsdf(1);
-    let (f_cos, bsdf_pdf) = bsdf.eval(vertex.local_wo, vertex.frame.to_local(light.wi));
+    let (f_cos, mut bsdf_pdf) = bsdf.eval(vertex.local_wo, vertex.frame.to_local(light.wi));
     if f_cos == Vec3::ZERO {
         return Vec3::ZERO;
     }
@@ -248,6 +247,16 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
             let mut ray = Ray::new(origin.to_array(), (target - origin).to_array());
             ray.t_max = 1.0;
             (emission, ray, part.object)
+        }
+        // BSDF sampling never finds these: it has no share.
+        LightTarget::Position { irradiance, position } => {
+            let Some(ray) = ray_to_position(origin, position) else { return Vec3::ZERO };
+            bsdf_pdf = 0.0;
+            (irradiance, ray, NONE)
+        }
+        LightTarget::Direction(irradiance) => {
+            bsdf_pdf = 0.0;
+            (irradiance, Ray::new(origin.to_array(), light.wi.to_array()), NONE)
         }
     };
     if emission == Vec3::ZERO {

@@ -1,10 +1,11 @@
 //! A scene made ready for rendering: triangles in world space, tree, lights, and the class that chooses the kernel.
 
 use crate::geometry::Geometry;
-use crate::light::{Lights, bounding_radius};
+use crate::light::{Lights, Surroundings, bounding_radius};
 use crate::texture::Texture;
+use glam::Vec3;
 use hotspot_bvh::{BuildOptions, Bvh, BvhError};
-use hotspot_scene::{Alpha, Bsdf, Environment, Material, Repair, Scalar, Scene, Unmodelled};
+use hotspot_scene::{Alpha, Bsdf, Material, Repair, Scalar, Scene, Unmodelled};
 use std::time::Instant;
 
 /// Why a scene cannot be rendered.
@@ -65,7 +66,7 @@ pub struct RenderScene {
 /// Bytes held by a prepared scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SceneMemory {
-    /// Triangles, normals, texture coordinates, lights.
+    /// Triangles, normals, texture coordinates, lights; of an environment map the texels too.
     pub geometry: u64,
     /// The tree.
     pub bvh: u64,
@@ -110,12 +111,12 @@ impl RenderScene {
             });
         }
         let radius = bounding_radius(min, max);
-        let mut collect = |environment: Option<&Environment>| {
-            Lights::new(&scene.materials, environment, &mut geometry, &textures, radius)
+        let mut collect = |environment: Surroundings| {
+            Lights::new(&scene.materials, environment, &scene.lights, &mut geometry, &textures, radius)
         };
-        let mut lights = collect(scene.environment.as_ref());
+        let mut lights = collect(Surroundings::new(scene.environment.as_ref())?);
         if lights.is_empty() {
-            lights = collect(Some(&Environment::Constant([1.0; 3])));
+            lights = collect(Surroundings::Constant(Vec3::ONE));
             repairs.push(Repair {
                 what: "no light in the file: a constant white environment is used".into(),
                 element: "scene".into(),
@@ -184,6 +185,11 @@ impl RenderScene {
     /// Emissive triangles.
     pub fn light_count(&self) -> usize {
         self.lights.triangle_count()
+    }
+
+    /// Lights without area that shine.
+    pub fn punctual_light_count(&self) -> usize {
+        self.lights.punctual_count()
     }
 
     /// The tree.
