@@ -58,13 +58,13 @@ pub struct BuildOptions {
 /// obvhs computes areas in f32; coordinates up to this keep them finite. Larger scenes are scaled for the topology.
 const SAFE_COORDINATE: f32 = 1e15;
 
-pub(crate) fn build(
+pub(crate) fn build<M: AsRef<[[[f32; 3]; 3]]>>(
     triangles: &[[[f32; 3]; 3]],
-    meshes: &[Vec<[[f32; 3]; 3]>],
+    meshes: &[M],
     instances: &[Instance],
     options: BuildOptions,
 ) -> Result<Bvh, BvhError> {
-    let count = meshes.iter().fold(triangles.len(), |sum, mesh| sum.saturating_add(mesh.len()));
+    let count = meshes.iter().fold(triangles.len(), |sum, mesh| sum.saturating_add(mesh.as_ref().len()));
     if count >= Child::LIMIT as usize {
         return Err(BvhError::TooManyTriangles { count });
     }
@@ -77,6 +77,7 @@ pub(crate) fn build(
     // Each mesh's root, and boxes that enclose it between them.
     let mut roots = Vec::with_capacity(meshes.len());
     for (index, mesh) in meshes.iter().enumerate() {
+        let mesh = mesh.as_ref();
         check(mesh, Some(index))?;
         let part = wide_tree(mesh, &[], options.quality);
         let boxes = part.boxes_near_the_root();

@@ -44,7 +44,7 @@ fn apply(m: &[[f64; 4]; 3], v: [f32; 3], w: f64) -> [f64; 3] {
 }
 
 /// The inverse, or `None` where it does not exist or is not worth its name: a round trip must give the identity within
-/// 1e-6, so that a ray in the mesh's space is the ray in the world.
+/// 1e-9, so that a ray in the mesh's space is the ray in the world.
 pub(crate) fn inverse(m: &[[f64; 4]; 3]) -> Option<[[f64; 4]; 3]> {
     let minor = |a: usize, b: usize, i: usize, j: usize| m[a][i] * m[b][j] - m[a][j] * m[b][i];
     let cofactors = [
@@ -63,7 +63,7 @@ pub(crate) fn inverse(m: &[[f64; 4]; 3]) -> Option<[[f64; 4]; 3]> {
     let faithful = (0..3).all(|i| {
         (0..3).all(|j| {
             let product: f64 = (0..3).map(|k| out[i][k] * m[k][j]).sum();
-            (product - f64::from(u8::from(i == j))).abs() < 1e-6
+            (product - f64::from(u8::from(i == j))).abs() < 1e-9
         })
     });
     (faithful && out.iter().flatten().all(|c| c.is_finite())).then_some(out)

@@ -138,16 +138,16 @@ impl Bvh {
     /// When a coordinate is not finite or there are too many triangles. Degenerate triangles are allowed; nothing hits
     /// them.
     pub fn build(triangles: &[[[f32; 3]; 3]], options: BuildOptions) -> Result<Self, BvhError> {
-        build::build(triangles, &[], &[], options)
+        build::build::<&[_]>(triangles, &[], &[], options)
     }
 
     /// Builds a tree over `triangles` of the world and over `instances` of `meshes`, each of which is stored once.
     ///
     /// # Errors
     /// As [`Bvh::build`], and when an instance names no mesh, or one without triangles, or has no faithful inverse.
-    pub fn build_instanced(
+    pub fn build_instanced<M: AsRef<[[[f32; 3]; 3]]>>(
         triangles: &[[[f32; 3]; 3]],
-        meshes: &[Vec<[[f32; 3]; 3]>],
+        meshes: &[M],
         instances: &[Instance],
         options: BuildOptions,
     ) -> Result<Self, BvhError> {

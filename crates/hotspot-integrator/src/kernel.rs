@@ -1,9 +1,10 @@
 //! One tile's samples: the loop that is compiled for each instruction set, scene class and instrumentation.
 
 use crate::camera::FilmCamera;
+use crate::class::SceneClass;
 use crate::path::{Class, FullClass, LobesClass, MatteClass, PathResult, PathSettings, trace};
 use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind};
-use crate::scene::{RenderScene, SceneClass};
+use crate::scene::RenderScene;
 use glam::Vec3;
 use hotspot_bvh::simd::{Simd, WithSimd};
 use hotspot_cost::{PathEnd, TileRecorder};

@@ -3,6 +3,9 @@
 
 mod bsdf;
 mod camera;
+mod check;
+mod class;
+mod cutout;
 mod geometry;
 mod kernel;
 mod light;
@@ -14,9 +17,11 @@ mod scene;
 mod texture;
 
 pub use camera::frame_bounds;
+pub use class::SceneClass;
+pub use geometry::{COPIES_THAT_PAY, Instancing};
 pub use hotspot_bvh::simd::Isa;
 pub use hotspot_bvh::{BuildOptions, Quality};
 pub use kernel::NonFinite;
 pub use render::{Control, Gather, Progress, Rendered, Settings, Stop, render};
 pub use sampler::SamplerKind;
-pub use scene::{PrepareError, RenderScene, SceneClass, SceneMemory};
+pub use scene::{PrepareError, PrepareOptions, RenderScene, SceneMemory};

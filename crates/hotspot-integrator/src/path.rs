@@ -6,15 +6,16 @@
 //! section 14.5.4). Shading happens in the shading frame, turned to the side of the path; emitters use geometric normals.
 
 use crate::bsdf::{Bsdf, Glass, RoughMetal, Substrate};
-use crate::geometry::{Part, SurfacePoint};
+use crate::cutout::{Cutouts, presence};
+use crate::geometry::{Attributes, Part, Surface, SurfacePoint};
 use crate::light::{LightTarget, area_to_solid_angle, ray_to_position};
 use crate::math::{Frame, power_heuristic};
 use crate::sampler::{Dimensions, Sampler};
 use crate::scene::RenderScene;
-use crate::texture::{color, scalar};
+use crate::texture::{color, mapped_normal, scalar};
 use glam::{Vec2, Vec3};
-use hotspot_bvh::Ray;
 use hotspot_bvh::simd::Simd;
+use hotspot_bvh::{Hit, NO_INSTANCE, Ray, RayProbe};
 use hotspot_cost::Cause;
 use hotspot_probe::{NONE, Probe, RayKind, Spawner};
 
@@ -22,7 +23,8 @@ use hotspot_probe::{NONE, Probe, RayKind, Spawner};
 pub(crate) trait Class {
     /// Surfaces other than matte.
     const LOBES: bool;
-    /// Textures and mixed materials.
+    /// Everything that varies over a surface or is seldom used: textures, vertex colours, bumps, mixed and unlit
+    /// materials, absorption.
     const TEXTURED: bool;
 }
 
@@ -92,6 +94,8 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
     let mut scattered = Scattered { pdf: f32::INFINITY, cos: 1.0 };
     let mut first_object = NONE;
     let mut bounces = 0u32;
+    // Of the glass that the path is in.
+    let mut absorption = Vec3::ZERO;
     let end = |radiance, cause, throughput: Vec3, first_object| PathResult {
         radiance,
         cause,
@@ -100,29 +104,30 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
     };
 
     loop {
-        let Some(hit) = scene.bvh.closest_hit_with(simd, &ray, probe.ray(spawner)) else {
+        let Some(hit) = closest_hit(simd, scene, &ray, sampler, bounces, probe.ray(spawner)) else {
             if let Some((environment, pdf)) = scene.lights.escaped(-wo, scattered.cos, probe) {
                 radiance += throughput * environment * power_heuristic(scattered.pdf, pdf);
             }
             return end(radiance, Cause::Escaped, throughput, first_object);
         };
-        let part = scene.geometry.part(hit.primitive);
+        let surface = scene.geometry.surface(hit.instance, hit.primitive);
+        let part = surface.part;
         if bounces == 0 {
             first_object = part.object;
         }
         let material = &scene.materials[part.material as usize];
         let geometric = Vec3::from_array(hit.normal);
-        let (mut normal, uv) = if C::TEXTURED {
-            scene.geometry.shading::<true>(&hit, part)
-        } else {
-            scene.geometry.shading::<false>(&hit, part)
-        };
+        let attributes =
+            if C::TEXTURED { scene.geometry.attributes(surface, hit.u, hit.v) } else { Attributes::NONE };
+        if C::TEXTURED && absorption != Vec3::ZERO {
+            throughput *= Vec3::from_array((absorption * -hit.t).to_array().map(libm::expf));
+        }
 
         if part.light_pdf_area > 0.0 {
             let cos = wo.dot(geometric);
             if cos > 0.0 || (material.double_sided && cos < 0.0) {
                 let emission = if C::TEXTURED {
-                    color(&scene.textures, &material.emission, uv, probe)
+                    color(&scene.textures, &material.emission, &attributes, probe)
                 } else {
                     Vec3::from_array(material.emission.factor)
                 };
@@ -130,20 +135,28 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
                 radiance += throughput * emission * power_heuristic(scattered.pdf, light_pdf);
             }
         }
+        if C::TEXTURED
+            && let hotspot_scene::Bsdf::Unlit { color: shown } = &material.bsdf
+        {
+            radiance += throughput * color(&scene.textures, shown, &attributes, probe) * attributes.tint;
+            return end(radiance, Cause::Absorbed, throughput, first_object);
+        }
         if bounces >= settings.max_depth {
             return end(radiance, Cause::DepthLimit, throughput, first_object);
         }
 
         // The shading frame, turned to the path's side.
-        let front = wo.dot(normal) >= 0.0;
-        if !front {
-            normal = -normal;
+        let smooth = scene.geometry.normal(surface, &hit);
+        let front = wo.dot(smooth) >= 0.0;
+        let mut normal = if front { smooth } else { -smooth };
+        if C::TEXTURED && part.has_tangents() {
+            normal = bumped(scene, surface, &hit, &attributes, smooth, wo, probe);
         }
         let frame = Frame::new(normal);
         let local_wo = frame.to_local(wo);
         let choices = if C::LOBES { sampler.get(Dimensions::choices(bounces)) } else { [0.0; 4] };
-        let resolved = resolve::<P, C>(scene, &material.bsdf, uv, front, choices[2], probe);
-        let point = scene.geometry.point(hit.primitive, hit.u, hit.v);
+        let resolved = resolve::<P, C>(scene, &material.bsdf, &attributes, front, choices[2], probe);
+        let point = scene.geometry.point(surface, hit.u, hit.v);
         let directions = sampler.get(Dimensions::directions(bounces));
 
         if !resolved.is_specular() {
@@ -154,6 +167,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
                 &Vertex { part, point: &point, geometric, frame: &frame, local_wo, bounce: bounces },
                 &resolved,
                 [directions[2], directions[3]],
+                sampler,
                 probe,
             );
             radiance += throughput * direct;
@@ -164,6 +178,13 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
         let Some(sample) = resolved.sample(local_wo, choices[0], u) else {
             return end(radiance, Cause::Absorbed, throughput, first_object);
         };
+        if C::TEXTURED
+            && sample.wi.z < 0.0
+            && let Bsdf::Glass(glass) = &resolved
+            && !glass.thin
+        {
+            absorption = if front { glass.absorption } else { Vec3::ZERO };
+        }
         throughput *= sample.weight;
         eta_scale *= sample.eta_scale;
 
@@ -214,6 +235,7 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
     vertex: &Vertex<'_>,
     bsdf: &Bsdf,
     u: [f32; 2],
+    sampler: &Sampler<'_>,
     probe: &mut P,
 ) -> Vec3 {
     let lights = &scene.lights;
@@ -238,8 +260,16 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
                 return Vec3::ZERO;
             }
             let emission = if C::TEXTURED {
-                let uv = scene.geometry.uv(primitive, uv.x, uv.y);
-                color(&scene.textures, &material.emission, uv, probe)
+                let surface = scene.geometry.surface(NO_INSTANCE, primitive);
+                let attributes = scene.geometry.attributes(surface, uv.x, uv.y);
+                let (share, lookups, bytes) = presence(scene, material, &attributes);
+                if lookups > 0 {
+                    probe.texture(lookups, bytes);
+                }
+                if share == 0.0 {
+                    return Vec3::ZERO;
+                }
+                color(&scene.textures, &material.emission, &attributes, probe) * share
             } else {
                 Vec3::from_array(material.emission.factor)
             };
@@ -273,7 +303,7 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
         probe.untraced(spawner);
         return Vec3::ZERO;
     }
-    if scene.bvh.occluded_with(simd, &ray, probe.ray(spawner)) {
+    if occluded(simd, scene, &ray, sampler, vertex.bounce, probe.ray(spawner)) {
         return Vec3::ZERO;
     }
     f_cos * emission * (power_heuristic(light.pdf, bsdf_pdf) / light.pdf)
@@ -284,7 +314,7 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
 fn resolve<P: Probe, C: Class>(
     scene: &RenderScene,
     bsdf: &hotspot_scene::Bsdf,
-    uv: Vec2,
+    point: &Attributes,
     front: bool,
     mut choice: f32,
     probe: &mut P,
@@ -300,7 +330,7 @@ fn resolve<P: Probe, C: Class>(
     if C::TEXTURED {
         // A linear mix is the expectation of choosing one part with its share as probability.
         while let Given::Mix { weight, base, other } = bsdf {
-            let share = scalar(&scene.textures, weight, uv, probe);
+            let share = scalar(&scene.textures, weight, point, probe);
             // What is left of the number is uniform again.
             (bsdf, choice) = if choice < share {
                 (other, choice / share)
@@ -310,23 +340,26 @@ fn resolve<P: Probe, C: Class>(
         }
     }
     let mut colored = |c: &hotspot_scene::Color| {
-        if C::TEXTURED { color(&scene.textures, c, uv, probe) } else { Vec3::from_array(c.factor) }
+        if C::TEXTURED { color(&scene.textures, c, point, probe) } else { Vec3::from_array(c.factor) }
     };
+    // Vertex colours multiply the base colour.
+    let tint = |base: Vec3| if C::TEXTURED { base * point.tint } else { base };
     // α = max(roughness², 1e-3)
     match bsdf {
-        Given::Matte { reflectance } => Bsdf::Matte(colored(reflectance)),
-        Given::Substrate { diffuse, specular, roughness, .. } => Bsdf::Substrate(Substrate {
-            diffuse: colored(diffuse),
-            specular: colored(specular),
-            alpha: alpha::<P, C>(scene, roughness, uv, probe),
+        Given::Matte { reflectance } => Bsdf::Matte(tint(colored(reflectance))),
+        Given::Substrate { diffuse, specular, specular_weight, roughness } => Bsdf::Substrate(Substrate {
+            diffuse: tint(colored(diffuse)),
+            specular: colored(specular) * number::<P, C>(scene, specular_weight, point, probe),
+            alpha: alpha::<P, C>(scene, roughness, point, probe),
         }),
-        Given::Mirror { reflectance } => Bsdf::Mirror(colored(reflectance)),
+        Given::Mirror { reflectance } => Bsdf::Mirror(tint(colored(reflectance))),
         Given::RoughMetal { f0, roughness } => Bsdf::RoughMetal(RoughMetal {
-            f0: colored(f0),
-            alpha: alpha::<P, C>(scene, roughness, uv, probe),
+            f0: tint(colored(f0)),
+            alpha: alpha::<P, C>(scene, roughness, point, probe),
         }),
-        Given::Glass { ior, thin, transmittance, .. } => Bsdf::Glass(Glass {
-            transmittance: colored(transmittance),
+        Given::Glass { ior, thin, transmittance, absorption } => Bsdf::Glass(Glass {
+            transmittance: tint(colored(transmittance)),
+            absorption: Vec3::from_array(*absorption),
             eta: if *thin || front { *ior } else { 1.0 / *ior },
             thin: *thin,
         }),
@@ -335,13 +368,92 @@ fn resolve<P: Probe, C: Class>(
 }
 
 #[inline(always)]
+fn number<P: Probe, C: Class>(
+    scene: &RenderScene,
+    given: &hotspot_scene::Scalar,
+    point: &Attributes,
+    probe: &mut P,
+) -> f32 {
+    if C::TEXTURED { scalar(&scene.textures, given, point, probe) } else { given.factor }
+}
+
+#[inline(always)]
 fn alpha<P: Probe, C: Class>(
     scene: &RenderScene,
     roughness: &hotspot_scene::Scalar,
-    uv: Vec2,
+    point: &Attributes,
     probe: &mut P,
 ) -> f32 {
-    let roughness =
-        if C::TEXTURED { scalar(&scene.textures, roughness, uv, probe) } else { roughness.factor };
+    let roughness = number::<P, C>(scene, roughness, point, probe);
     (roughness * roughness).max(1e-3)
+}
+
+/// The nearest hit. Cutouts and instances have a traversal of their own, so that a scene without them does not pay.
+#[inline(always)]
+fn closest_hit<S: Simd, R: RayProbe>(
+    simd: S,
+    scene: &RenderScene,
+    ray: &Ray,
+    sampler: &Sampler<'_>,
+    bounce: u32,
+    probe: R,
+) -> Option<Hit> {
+    if scene.cutouts {
+        let filter = Cutouts { scene, ray_key: sampler.ray_key(2 * bounce) };
+        scene.bvh.closest_hit_filtered(simd, ray, filter, probe)
+    } else {
+        scene.bvh.closest_hit_with(simd, ray, probe)
+    }
+}
+
+/// Whether a shadow ray is blocked.
+#[inline(always)]
+fn occluded<S: Simd, R: RayProbe>(
+    simd: S,
+    scene: &RenderScene,
+    ray: &Ray,
+    sampler: &Sampler<'_>,
+    bounce: u32,
+    probe: R,
+) -> bool {
+    if scene.cutouts {
+        let filter = Cutouts { scene, ray_key: sampler.ray_key(2 * bounce + 1) };
+        scene.bvh.occluded_filtered(simd, ray, filter, probe)
+    } else {
+        scene.bvh.occluded_with(simd, ray, probe)
+    }
+}
+
+/// The shading normal on the path's side, under a normal map. `smooth` is the interpolated normal.
+///
+/// A mapped normal may point away from where the path came from although the surface does not. It is then tilted back until
+/// the path arrives just above the horizon: a surface must not vanish behind its own bumps.
+#[inline(never)]
+fn bumped<P: Probe>(
+    scene: &RenderScene,
+    surface: Surface<'_>,
+    hit: &Hit,
+    point: &Attributes,
+    smooth: Vec3,
+    wo: Vec3,
+    probe: &mut P,
+) -> Vec3 {
+    const LEAST_COS: f32 = 1e-3;
+    let side = if wo.dot(smooth) >= 0.0 { 1.0 } else { -1.0 };
+    let material = &scene.materials[surface.part.material as usize];
+    let (Some(map), Some((tangent, bitangent))) =
+        (&material.normal_map, scene.geometry.tangents(surface, smooth, hit.u, hit.v))
+    else {
+        return smooth * side;
+    };
+    let n = mapped_normal(&scene.textures, map, point, probe);
+    let Some(mapped) = (tangent * n.x + bitangent * n.y + smooth * n.z).try_normalize() else {
+        return smooth * side;
+    };
+    let normal = mapped * side;
+    let cos = wo.dot(normal);
+    if cos >= LEAST_COS {
+        return normal;
+    }
+    (normal + wo * (LEAST_COS - cos)).try_normalize().unwrap_or(smooth * side)
 }

@@ -157,6 +157,12 @@ impl Sampler<'_> {
         }
     }
 
+    /// A number of 32 bits for ray `ray` of this sample, different for each pixel, half and seed.
+    #[inline(always)]
+    pub(crate) fn ray_key(&self, ray: u32) -> u32 {
+        hash(ray, hash(self.index, hash(self.block, self.pixel.key ^ 0x6c07_8965)))
+    }
+
     #[cold]
     #[inline(never)]
     fn uncommon(&self, set: u32) -> [f32; 4] {

@@ -1,11 +1,13 @@
 //! A scene made ready for rendering: triangles in world space, tree, lights, and the class that chooses the kernel.
 
-use crate::geometry::Geometry;
+use crate::check::check;
+use crate::class::SceneClass;
+use crate::geometry::{Geometry, Instancing};
 use crate::light::{Lights, Surroundings, bounding_radius};
 use crate::texture::Texture;
 use glam::Vec3;
-use hotspot_bvh::{BuildOptions, Bvh, BvhError};
-use hotspot_scene::{Alpha, Bsdf, Material, Repair, Scalar, Scene, Unmodelled};
+use hotspot_bvh::{BuildOptions, Bvh, BvhError, Instance};
+use hotspot_scene::{Bsdf, Material, Repair, Scene};
 use std::time::Instant;
 
 /// Why a scene cannot be rendered.
@@ -25,26 +27,18 @@ pub enum PrepareError {
     Tree(#[from] BvhError),
 }
 
-/// What the path loop must be able to do for a scene; chosen once per render, so that what a scene lacks costs nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[non_exhaustive]
-pub enum SceneClass {
-    /// Untextured matte surfaces only.
-    Matte,
-    /// Untextured surfaces of every kind.
-    Lobes,
-    /// Everything.
-    Full,
+/// How to prepare a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct PrepareOptions {
+    /// The tree.
+    pub tree: BuildOptions,
+    /// Which meshes are stored once.
+    pub instancing: Instancing,
 }
 
-impl SceneClass {
-    /// Name as shown in outputs.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Matte => "matte",
-            Self::Lobes => "lobes",
-            Self::Full => "full",
-        }
+impl From<BuildOptions> for PrepareOptions {
+    fn from(tree: BuildOptions) -> Self {
+        Self { tree, ..Self::default() }
     }
 }
 
@@ -56,9 +50,10 @@ pub struct RenderScene {
     pub(crate) textures: Vec<Texture>,
     pub(crate) lights: Lights,
     pub(crate) bvh: Bvh,
+    /// Some surface is not there everywhere.
+    pub(crate) cutouts: bool,
     objects: Vec<String>,
     class: SceneClass,
-    unmodelled: Vec<Unmodelled>,
     repairs: Vec<Repair>,
     build_seconds: f64,
 }
@@ -80,7 +75,8 @@ impl RenderScene {
     ///
     /// # Errors
     /// When an index is out of range or the tree cannot be built.
-    pub fn prepare(scene: &Scene, options: BuildOptions) -> Result<Self, PrepareError> {
+    pub fn prepare(scene: &Scene, options: impl Into<PrepareOptions>) -> Result<Self, PrepareError> {
+        let options = options.into();
         check(scene)?;
         let mut textures = Vec::with_capacity(scene.textures.len());
         for (i, texture) in scene.textures.iter().enumerate() {
@@ -89,7 +85,7 @@ impl RenderScene {
                 problem: format!("does not hold {} x {} RGBA texels", texture.width, texture.height),
             })?);
         }
-        let (mut geometry, dropped) = Geometry::new(scene);
+        let (mut geometry, dropped) = Geometry::new(scene, options.instancing);
         let mut repairs: Vec<Repair> = dropped
             .triangles
             .iter()
@@ -100,7 +96,7 @@ impl RenderScene {
             })
             .collect();
         let start = Instant::now();
-        let bvh = Bvh::build(&geometry.triangles, options)?;
+        let bvh = build_tree(&geometry, options.tree)?;
         let build_seconds = start.elapsed().as_secs_f64();
         let (min, max) = bvh.bounds();
         if geometry.triangles.is_empty() {
@@ -115,7 +111,7 @@ impl RenderScene {
             Lights::new(&scene.materials, environment, &scene.lights, &mut geometry, &textures, radius)
         };
         let mut lights = collect(Surroundings::new(scene.environment.as_ref())?);
-        if lights.is_empty() {
+        if lights.is_empty() && !shows_itself(scene) {
             lights = collect(Surroundings::Constant(Vec3::ONE));
             repairs.push(Repair {
                 what: "no light in the file: a constant white environment is used".into(),
@@ -123,7 +119,8 @@ impl RenderScene {
                 count: 1,
             });
         }
-        let class = classify(scene);
+        let class = SceneClass::of(scene);
+        let geometry_has_cutouts = geometry.has_cutouts();
         Ok(Self {
             geometry,
             materials: scene.materials.clone(),
@@ -131,8 +128,8 @@ impl RenderScene {
             lights,
             bvh,
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
+            cutouts: geometry_has_cutouts,
             class,
-            unmodelled: unmodelled(scene),
             repairs,
             build_seconds,
         })
@@ -154,17 +151,15 @@ impl RenderScene {
         for &part in &self.geometry.part_of {
             counts[self.geometry.parts[part as usize].object as usize] += 1;
         }
+        for placed in &self.geometry.placed {
+            counts[placed.part.object as usize] += self.geometry.meshes[placed.mesh as usize].len() as u64;
+        }
         counts
     }
 
     /// The class that chooses the kernel.
     pub const fn class(&self) -> SceneClass {
         self.class
-    }
-
-    /// What the scene holds and this renderer leaves out.
-    pub fn unmodelled(&self) -> &[Unmodelled] {
-        &self.unmodelled
     }
 
     /// What was mended while preparing.
@@ -212,125 +207,17 @@ impl RenderScene {
     }
 }
 
-fn check(scene: &Scene) -> Result<(), PrepareError> {
-    let invalid =
-        |element: String, problem: &str| Err(PrepareError::Invalid { element, problem: problem.to_owned() });
-    for (i, instance) in scene.instances.iter().enumerate() {
-        if instance.object as usize >= scene.objects.len() {
-            return invalid(format!("instances[{i}].object"), "is out of range");
-        }
-        if instance.mesh as usize >= scene.meshes.len() {
-            return invalid(format!("instances[{i}].mesh"), "is out of range");
-        }
-        if instance.material as usize >= scene.materials.len() {
-            return invalid(format!("instances[{i}].material"), "is out of range");
-        }
-    }
-    for (i, mesh) in scene.meshes.iter().enumerate() {
-        let vertices = mesh.positions.len();
-        if mesh.triangles.iter().flatten().any(|&v| v as usize >= vertices) {
-            return invalid(format!("meshes[{i}] \"{}\"", mesh.name), "has a vertex index out of range");
-        }
-        if mesh.normals.as_ref().is_some_and(|n| n.len() != vertices)
-            || mesh.uvs.as_ref().is_some_and(|t| t.len() != vertices)
-        {
-            return invalid(
-                format!("meshes[{i}] \"{}\"", mesh.name),
-                "has normals or uvs that do not match its vertices",
-            );
-        }
-    }
-    for (i, material) in scene.materials.iter().enumerate() {
-        let mut highest = None;
-        visit_textures(material, &mut |t| highest = highest.max(Some(t as usize)));
-        if highest.is_some_and(|t| t >= scene.textures.len()) {
-            return invalid(format!("materials[{i}] \"{}\"", material.name), "names a texture out of range");
-        }
-    }
-    Ok(())
+fn build_tree(geometry: &Geometry, options: BuildOptions) -> Result<Bvh, BvhError> {
+    let world = &geometry.triangles[..geometry.world_triangles()];
+    let meshes: Vec<_> = geometry.meshes.iter().map(|range| &geometry.triangles[range.clone()]).collect();
+    let instances: Vec<Instance> =
+        geometry.placed.iter().map(|p| Instance { mesh: p.mesh, to_world: p.to_world }).collect();
+    Bvh::build_instanced(world, &meshes, &instances, options)
 }
 
-/// Calls `visit` with every texture index that a material uses.
-fn visit_textures(material: &Material, visit: &mut dyn FnMut(u32)) {
-    visit_shaded_textures(material, visit);
-    match &material.alpha {
-        Alpha::Mask { alpha: Scalar { texture: Some((t, _)), .. }, .. }
-        | Alpha::Blend { alpha: Scalar { texture: Some((t, _)), .. } } => visit(t.texture),
-        Alpha::Opaque | Alpha::Mask { .. } | Alpha::Blend { .. } => {}
-    }
-}
-
-/// The same for those that shading looks up.
-fn visit_shaded_textures(material: &Material, visit: &mut dyn FnMut(u32)) {
-    fn color(c: &hotspot_scene::Color, visit: &mut dyn FnMut(u32)) {
-        if let Some(t) = &c.texture {
-            visit(t.texture);
-        }
-    }
-    fn scalar(s: &Scalar, visit: &mut dyn FnMut(u32)) {
-        if let Some((t, _)) = &s.texture {
-            visit(t.texture);
-        }
-    }
-    fn bsdf(b: &Bsdf, visit: &mut dyn FnMut(u32)) {
-        match b {
-            Bsdf::Matte { reflectance } | Bsdf::Mirror { reflectance } => color(reflectance, visit),
-            Bsdf::Substrate { diffuse, specular, specular_weight, roughness } => {
-                color(diffuse, visit);
-                color(specular, visit);
-                scalar(specular_weight, visit);
-                scalar(roughness, visit);
-            }
-            Bsdf::RoughMetal { f0, roughness } => {
-                color(f0, visit);
-                scalar(roughness, visit);
-            }
-            Bsdf::Glass { transmittance, .. } => color(transmittance, visit),
-            Bsdf::Unlit { color: radiance } => color(radiance, visit),
-            Bsdf::Mix { weight, base, other } => {
-                scalar(weight, visit);
-                bsdf(base, visit);
-                bsdf(other, visit);
-            }
-        }
-    }
-    bsdf(&material.bsdf, visit);
-    color(&material.emission, visit);
-}
-
-fn classify(scene: &Scene) -> SceneClass {
-    scene.instances.iter().fold(SceneClass::Matte, |class, instance| {
-        let material = &scene.materials[instance.material as usize];
-        let mut textured = false;
-        visit_shaded_textures(material, &mut |_| textured = true);
-        let needs = match material.bsdf {
-            _ if textured => SceneClass::Full,
-            Bsdf::Matte { .. } => SceneClass::Matte,
-            Bsdf::Mix { .. } | Bsdf::Unlit { .. } => SceneClass::Full,
-            _ => SceneClass::Lobes,
-        };
-        class.max(needs)
-    })
-}
-
-/// What the loader delivers and the integrator does not do yet.
-fn unmodelled(scene: &Scene) -> Vec<Unmodelled> {
-    let mut used = vec![false; scene.materials.len()];
-    for instance in &scene.instances {
-        used[instance.material as usize] = true;
-    }
-    let mut list = Vec::new();
-    for (i, material) in scene.materials.iter().enumerate().filter(|(i, _)| used[*i]) {
-        let feature = match material.alpha {
-            Alpha::Opaque => continue,
-            Alpha::Mask { .. } => "alphaMode MASK",
-            Alpha::Blend { .. } => "alphaMode BLEND",
-        };
-        list.push(Unmodelled {
-            feature: feature.into(),
-            element: format!("materials[{i}] \"{}\"", material.name),
-            effect: "rendered opaque".into(),
-        });
-    }
-    list
+/// Whether every surface shows its own colour, so that there is nothing to light.
+fn shows_itself(scene: &Scene) -> bool {
+    let unlit =
+        |i: &hotspot_scene::Instance| matches!(scene.materials[i.material as usize].bsdf, Bsdf::Unlit { .. });
+    !scene.instances.is_empty() && scene.instances.iter().all(unlit)
 }

@@ -1,8 +1,9 @@
 //! Texture look-ups: bilinear, texels decoded first.
 
+use crate::geometry::Attributes;
 use glam::{Vec2, Vec3};
 use hotspot_probe::Probe;
-use hotspot_scene::{Channel, Color, Scalar, TextureRef, Wrap};
+use hotspot_scene::{Channel, Color, NormalMap, Scalar, TextureRef, Wrap};
 use std::sync::{Arc, OnceLock};
 
 /// An image with its decoding table.
@@ -98,6 +99,14 @@ impl Texture {
 
     #[inline(always)]
     fn scalar<P: Probe>(&self, at: &TextureRef, channel: Channel, uv: Vec2, probe: &mut P) -> f32 {
+        let (value, texels) = self.channel(at, channel, uv);
+        probe.texture(1, 4 * texels);
+        value
+    }
+
+    /// One channel, not decoded, and the texels read.
+    #[inline(always)]
+    fn channel(&self, at: &TextureRef, channel: Channel, uv: Vec2) -> (f32, u32) {
         let index = match channel {
             Channel::R => 0,
             Channel::G => 1,
@@ -105,8 +114,7 @@ impl Texture {
             Channel::A => 3,
         };
         let (value, texels) = self.interpolate(at, uv, |t| Vec3::splat(f32::from(t[index]) * (1.0 / 255.0)));
-        probe.texture(1, 4 * texels);
-        value.x
+        (value.x, texels)
     }
 }
 
@@ -125,23 +133,69 @@ fn wrap(mode: Wrap, index: i64, size: u32) -> u32 {
     wrapped as u32
 }
 
-/// The value of a colour at uv.
+/// The coordinates that a texture reads.
 #[inline(always)]
-pub(crate) fn color<P: Probe>(textures: &[Texture], color: &Color, uv: Vec2, probe: &mut P) -> Vec3 {
+fn uv(at: &TextureRef, point: &Attributes) -> Vec2 {
+    if at.second_uvs { point.second_uv } else { point.uv }
+}
+
+/// The value of a colour at a point.
+#[inline(always)]
+pub(crate) fn color<P: Probe>(
+    textures: &[Texture],
+    color: &Color,
+    point: &Attributes,
+    probe: &mut P,
+) -> Vec3 {
     let factor = Vec3::from_array(color.factor);
     match &color.texture {
         None => factor,
-        Some(at) => factor * textures[at.texture as usize].color(at, uv, probe),
+        Some(at) => factor * textures[at.texture as usize].color(at, uv(at, point), probe),
     }
 }
 
-/// The value of a number at uv.
+/// The value of a number at a point.
 #[inline(always)]
-pub(crate) fn scalar<P: Probe>(textures: &[Texture], scalar: &Scalar, uv: Vec2, probe: &mut P) -> f32 {
+pub(crate) fn scalar<P: Probe>(
+    textures: &[Texture],
+    scalar: &Scalar,
+    point: &Attributes,
+    probe: &mut P,
+) -> f32 {
     match &scalar.texture {
         None => scalar.factor,
-        Some((at, channel)) => scalar.factor * textures[at.texture as usize].scalar(at, *channel, uv, probe),
+        Some((at, channel)) => {
+            scalar.factor * textures[at.texture as usize].scalar(at, *channel, uv(at, point), probe)
+        }
     }
+}
+
+/// A number at a point, for whoever counts look-ups himself: the value, the look-ups and the bytes of texels read.
+#[inline(always)]
+pub(crate) fn scalar_counted(textures: &[Texture], scalar: &Scalar, point: &Attributes) -> (f32, u32, u32) {
+    match &scalar.texture {
+        None => (scalar.factor, 0, 0),
+        Some((at, channel)) => {
+            let (value, texels) = textures[at.texture as usize].channel(at, *channel, uv(at, point));
+            (scalar.factor * value, 1, 4 * texels)
+        }
+    }
+}
+
+/// The normal that a map holds at a point, in the frame of tangent, bitangent and normal; not of unit length.
+#[inline(always)]
+pub(crate) fn mapped_normal<P: Probe>(
+    textures: &[Texture],
+    map: &NormalMap,
+    point: &Attributes,
+    probe: &mut P,
+) -> Vec3 {
+    let at = &map.texture;
+    let decode = |t: [u8; 4]| Vec3::new(f32::from(t[0]), f32::from(t[1]), f32::from(t[2]));
+    let (texel, texels) = textures[at.texture as usize].interpolate(at, uv(at, point), decode);
+    probe.texture(1, 4 * texels);
+    let n = texel * (2.0 / 255.0) - Vec3::ONE;
+    Vec3::new(n.x * map.scale, n.y * map.scale, n.z)
 }
 
 #[cfg(test)]

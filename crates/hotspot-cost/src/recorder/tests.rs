@@ -113,7 +113,7 @@ fn what_one_path_counts() {
         path.end(PathEnd { brought_radiance: brought, ..END });
     }
     let pixel = frame.cost(0, 0, 0).unwrap();
-    let expected = [4, 3, 4, 2, 7, 4, 22, 12, 3, 2, 1, 0, 2, 3, 48, 1, 2, 1, 0, 0, 0];
+    let expected = [4, 3, 4, 2, 7, 4, 22, 12, 3, 2, 1, 0, 2, 3, 48, 0, 1, 2, 1, 0, 0, 0];
     assert_eq!(pixel.counts, expected);
     assert_eq!(pixel.squares, [16.0, 16.0, 49.0, 28.0]);
     assert_eq!(pixel.first_object, 3);

@@ -6,7 +6,7 @@ use crate::maps::{ColorMap, Exposure, Scale, beauty};
 use image::RgbImage;
 
 /// Names of the layers, their labels, units, and how dear each surface is in them.
-const LAYERS: [(&str, &str, &str); 22] = [
+const LAYERS: [(&str, &str, &str); 23] = [
     ("rays", "Rays", "rays"),
     ("intersection", "Intersection cost", "nodes + triangles"),
     ("time_us", "Time", "µs"),

@@ -11,6 +11,8 @@ pub(crate) struct Glass {
     pub(crate) eta: f32,
     /// A pane: both interfaces and all reflections between them at once, no refraction.
     pub(crate) thin: bool,
+    /// Inside of a solid, per unit of length; the path loop applies it.
+    pub(crate) absorption: Vec3,
 }
 
 /// Unpolarised Fresnel reflectance, and the cosine of the transmitted angle (0 under total reflection).

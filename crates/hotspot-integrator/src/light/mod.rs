@@ -153,7 +153,7 @@ impl Lights {
     ) -> Self {
         let mut punctual: Vec<PunctualLight> = punctual.iter().filter_map(PunctualLight::new).collect();
         let per_area: Vec<f64> = materials.iter().map(|m| power_per_area(m, textures)).collect();
-        let powers: Vec<(u32, f64)> = (0..geometry.triangles.len() as u32)
+        let powers: Vec<(u32, f64)> = (0..geometry.world_triangles() as u32)
             .filter_map(|primitive| {
                 let weight = per_area[geometry.part(primitive).material as usize];
                 (weight > 0.0).then(|| (primitive, weight * area(&geometry.triangles[primitive as usize])))

@@ -62,7 +62,6 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     let unmodelled: Vec<Note> = scene
         .unmodelled
         .iter()
-        .chain(prepared.unmodelled())
         .map(|u| Note { what: format!("{}: {}", u.feature, u.effect), element: u.element.clone(), count: 1 })
         .collect();
     let scene_name = scene.name.clone();
@@ -293,7 +292,7 @@ fn announce(talker: &Talker, scene: &Scene, prepared: &RenderScene, repairs: &[R
         prepared.light_count(),
         prepared.build_seconds()
     ));
-    let unmodelled: Vec<_> = scene.unmodelled.iter().chain(prepared.unmodelled()).collect();
+    let unmodelled = &scene.unmodelled;
     for u in unmodelled.iter().take(8) {
         talker.say(&format!("not modelled: {} in {}: {}", u.feature, u.element, u.effect));
     }
