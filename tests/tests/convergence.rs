@@ -39,6 +39,8 @@ struct Effort {
 const SHORT: Effort = Effort { renders: 4, spp: 16, steps: &[(1, 8), (4, 6)] };
 const SHORT_TILES: Effort = Effort { renders: 4, spp: 16, steps: &[] };
 const LONG: Effort = Effort { renders: 8, spp: 128, steps: &[(2, 16), (8, 16), (32, 8)] };
+/// For scenes whose samples cost more.
+const FEW_TILES: Effort = Effort { renders: 4, spp: 8, steps: &[] };
 const LONG_TILES: Effort = Effort { renders: 8, spp: 128, steps: &[] };
 
 #[test]
@@ -67,6 +69,21 @@ fn cornell_red_up_to_five_bounces() {
 }
 
 #[test]
+fn veach_mis() {
+    check("veach-mis", "veach-mis_300x200_4140", 64, Some(4), &SHORT_TILES);
+}
+
+#[test]
+fn living_room_substrate() {
+    check("living-room-substrate", "living-room-substrate_320x180_3456", 64, Some(4), &FEW_TILES);
+}
+
+#[test]
+fn living_room_matte() {
+    check("living-room-matte", "living-room-matte_320x180_2160", 64, Some(4), &FEW_TILES);
+}
+
+#[test]
 #[ignore = "minutes of rendering: the long version of the tests above; run in release"]
 fn long() {
     check("cornell-box-red", "cornell-box-red_direct_256x256_2048", 1, None, &LONG);
@@ -75,6 +92,14 @@ fn long() {
     check("cornell-box-red", "cornell-box-red_256x256_4096", 64, None, &LONG_TILES);
     check("cornell-box-blue", "cornell-box-blue_256x256_4096", 64, Some(4), &LONG);
     check("killeroo", "killeroo_256x256_2048", 64, Some(4), &LONG);
+}
+
+#[test]
+#[ignore = "many minutes of rendering: textures, masks, metals, glass and many lights; run in release"]
+fn long_real_scenes() {
+    check("veach-mis", "veach-mis_300x200_4140", 64, Some(4), &LONG);
+    check("living-room-substrate", "living-room-substrate_320x180_3456", 64, Some(4), &LONG);
+    check("living-room-matte", "living-room-matte_320x180_2160", 64, Some(4), &LONG);
 }
 
 fn check(scene: &str, name: &str, max_depth: u32, roulette_from: Option<u32>, effort: &Effort) {
