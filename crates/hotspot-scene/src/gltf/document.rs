@@ -82,6 +82,11 @@ impl<'a> Document<'a> {
         numbers?.try_into().ok()
     }
 
+    /// The mended JSON, for what the crate does not know.
+    pub(crate) fn json(&self) -> &Value {
+        &self.value
+    }
+
     /// Names the extensions on an element that have no effect here. `known` are those its reader takes care of.
     pub(crate) fn note_unknown(&self, path: &str, name: Option<&str>, known: &[&str], notes: &mut Notes) {
         super::extensions::note_unknown(&self.value, path, name, known, notes);

@@ -24,10 +24,10 @@ const KNOWN: [&str; 5] = [
 
 const IOR: &str = "extensions.KHR_materials_ior.ior";
 
-/// A material and the set of texture coordinates that its textures read.
+/// A material and the sets of texture coordinates that its textures read: as [`crate::Mesh::uvs`] and as its second ones.
 pub(crate) struct Loaded {
     pub(crate) material: Material,
-    pub(crate) uv_set: Option<u32>,
+    pub(crate) uv_sets: [Option<u32>; 2],
 }
 
 /// The material at `index`, under its name in the file.
@@ -45,9 +45,9 @@ pub(crate) fn read(
         _ => format!("material {index}"),
     };
     let mut reader =
-        Reader { doc, label: label(&path, stated.name()), path, stated, textures, notes, uv_set: None };
+        Reader { doc, label: label(&path, stated.name()), path, stated, textures, notes, uv_sets: [None; 2] };
     let material = reader.material(name)?;
-    Ok(Loaded { material, uv_set: reader.uv_set })
+    Ok(Loaded { material, uv_sets: reader.uv_sets })
 }
 
 struct Reader<'d, 'a, 'r> {
@@ -57,7 +57,7 @@ struct Reader<'d, 'a, 'r> {
     label: String,
     textures: &'r mut Textures,
     notes: &'r mut Notes,
-    uv_set: Option<u32>,
+    uv_sets: [Option<u32>; 2],
 }
 
 /// The values of `pbrMetallicRoughness`.
@@ -127,21 +127,22 @@ impl Reader<'_, '_, '_> {
         clamped
     }
 
-    /// The texture in a slot. All textures of a material must read the same coordinates; the first decides.
+    /// The texture in a slot. The textures of a material read two sets of coordinates at most; the first ones decide.
     fn texture(&mut self, info: Option<Info<'_>>, key: &str) -> Result<Option<TextureRef>> {
         let Some(info) = info else { return Ok(None) };
         let path = format!("{}.{key}", self.path);
         let Some(slot) = self.textures.slot(self.doc, &info, &path, self.notes)? else { return Ok(None) };
-        if *self.uv_set.get_or_insert(slot.uv_set) == slot.uv_set {
-            Ok(Some(slot.texture))
-        } else {
-            let slot = key.rsplit('.').next().unwrap_or_default();
-            self.note(
-                &format!("{slot} with its own texture coordinates"),
-                "the texture is left out: a material's textures share one set",
-            );
-            Ok(None)
+        for (i, set) in self.uv_sets.iter_mut().enumerate() {
+            if *set.get_or_insert(slot.uv_set) == slot.uv_set {
+                return Ok(Some(TextureRef { second_uvs: i == 1, ..slot.texture }));
+            }
         }
+        let slot = key.rsplit('.').next().unwrap_or_default();
+        self.note(
+            &format!("{slot} with texture coordinates of its own"),
+            "the texture is left out: a material reads two sets at most",
+        );
+        Ok(None)
     }
 
     /// Glass, where the material transmits light.

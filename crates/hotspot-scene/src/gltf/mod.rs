@@ -56,7 +56,7 @@ pub(crate) fn load(
 #[derive(Clone, Copy)]
 struct MaterialUse {
     index: u32,
-    uv_set: Option<u32>,
+    uv_sets: [Option<u32>; 2],
 }
 
 struct Loader<'d, 'a> {
@@ -219,11 +219,11 @@ impl<'d, 'a> Loader<'d, 'a> {
         let path = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
         self.doc.note_unknown(&path, None, &[], &mut self.notes);
         // Asked without a material first, so that no texture is read for points and lines.
-        if Sources::of(primitive, &path, None, &mut self.notes).is_none() {
+        if Sources::of(primitive, &path, [None; 2], &mut self.notes).is_none() {
             return Ok(None);
         }
         let material = self.material(&primitive.material(), &path)?;
-        let Some(sources) = Sources::of(primitive, &path, material.uv_set, &mut self.notes) else {
+        let Some(sources) = Sources::of(primitive, &path, material.uv_sets, &mut self.notes) else {
             return Ok(None);
         };
         if let Some(known) = self.meshes.get(&sources) {
@@ -253,17 +253,17 @@ impl<'d, 'a> Loader<'d, 'a> {
         if let Some(known) = self.materials.get(&key) {
             return Ok(*known);
         }
-        let (mut material, uv_set) = match key {
+        let (mut material, uv_sets) = match key {
             Some(index) => {
                 let loaded = material::read(self.doc, material, index, &mut self.textures, &mut self.notes)?;
-                (loaded.material, loaded.uv_set)
+                (loaded.material, loaded.uv_sets)
             }
-            None => (Material::default_matte("default"), None),
+            None => (Material::default_matte("default"), [None; 2]),
         };
         material.name = self.material_names.unique(&material.name);
         self.scene.materials.push(material);
         let index = index_of_last(self.scene.materials.len(), "materials")?;
-        let material = MaterialUse { index, uv_set };
+        let material = MaterialUse { index, uv_sets };
         self.materials.insert(key, material);
         Ok(material)
     }

@@ -308,7 +308,7 @@ fn sixteen_bit_images_are_reduced_and_grey_ones_widened() {
 }
 
 #[test]
-fn a_second_set_of_texture_coordinates_serves_where_all_textures_use_it() {
+fn textures_read_two_sets_of_texture_coordinates() {
     let (mut json, bin) = textured_square();
     json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1.into();
     let scene = load_pair(&json, &bin).unwrap();
@@ -316,9 +316,28 @@ fn a_second_set_of_texture_coordinates_serves_where_all_textures_use_it() {
     json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = 2.into();
     let scene = load_pair(&json, &bin).unwrap();
     assert!(scene.meshes[0].uvs.is_some() && scene.repairs.is_empty());
-    // A texture that wants another set than the first is left out and named.
+    assert!(scene.meshes[0].second_uvs.is_none());
+    // A texture that wants another set reads the second one; only a third set is left out and named.
     json["materials"][0]["emissiveFactor"] = json!([1, 1, 1]);
     json["materials"][0]["emissiveTexture"] = json!({"index": 0});
+    push(&mut json["accessors"], json!({"bufferView": 4, "componentType": 5126, "count": 4, "type": "VEC2"}));
+    let uvs = floats(&[0.0, 0.5, 0.25, f32::NAN, 1.0, 0.0, 0.0, 0.0]);
+    let view = json["bufferViews"].as_array().unwrap().len();
+    push(&mut json["bufferViews"], json!({"buffer": 0, "byteOffset": bin.len(), "byteLength": 32}));
+    let bin = [bin, uvs].concat();
+    json["buffers"][0]["byteLength"] = bin.len().into();
+    json["accessors"][4]["bufferView"] = view.into();
+    json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = 4.into();
+    let scene = load_pair(&json, &bin).unwrap();
+    let mesh = &scene.meshes[0];
+    assert_eq!(mesh.uvs.as_ref().unwrap()[1], [1.0, 1.0]);
+    assert_eq!(mesh.second_uvs.as_ref().unwrap()[..2], [[0.0, 0.5], [0.0, 0.0]]);
+    assert_eq!(repaired(&scene, "NaN texture coordinates"), 1);
+    assert!(scene.materials[0].emission.texture.unwrap().second_uvs);
+    assert!(!diffuse_texture(&scene).second_uvs);
+    assert!(scene.unmodelled.is_empty());
+    json["materials"][0]["pbrMetallicRoughness"]["metallicRoughnessTexture"] =
+        json!({"index": 0, "texCoord": 2});
     let scene = load_pair(&json, &bin).unwrap();
     assert!(scene.materials[0].emission.texture.is_none());
     assert!(scene.unmodelled[0].feature.starts_with("emissiveTexture"));
