@@ -24,6 +24,7 @@ mod images;
 mod notes;
 mod obj;
 mod options;
+mod reduce;
 mod scene;
 mod uri;
 
