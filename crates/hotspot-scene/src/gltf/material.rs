@@ -378,3 +378,37 @@ impl Reader<'_, '_, '_> {
 fn mix(weight: Scalar, base: Bsdf, other: Bsdf) -> Bsdf {
     Bsdf::Mix { weight, base: Box::new(base), other: Box::new(other) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Wrap;
+
+    #[test]
+    fn alpha_settles_by_texture_factor_and_vertices() {
+        let texture = TextureRef {
+            texture: 0,
+            wrap: [Wrap::Repeat; 2],
+            nearest: false,
+            transform: [[0.0; 3]; 2],
+            second_uvs: false,
+        };
+        let settled = |alpha: Alpha, solid: bool, by_vertex: bool| {
+            let mut material = Material { alpha, ..Material::default_matte("x") };
+            settle_alpha(&mut material, &[solid], by_vertex);
+            material.alpha
+        };
+        let scalar =
+            |factor, textured: bool| Scalar { factor, texture: textured.then_some((texture, Channel::A)) };
+        let blend = |factor, textured| Alpha::Blend { alpha: scalar(factor, textured) };
+        let mask = |factor, textured| Alpha::Mask { cutoff: 0.5, alpha: scalar(factor, textured) };
+        assert_eq!(settled(blend(1.0, true), true, false), Alpha::Opaque);
+        assert_eq!(settled(blend(1.0, true), false, false), blend(1.0, true));
+        assert_eq!(settled(blend(0.5, true), true, false), blend(0.5, false));
+        assert_eq!(settled(mask(0.5, true), true, false), Alpha::Opaque);
+        assert_eq!(settled(mask(0.25, true), true, false), mask(0.25, false));
+        // Vertices of alpha below 1 make it matter again.
+        assert_eq!(settled(blend(1.0, true), true, true), blend(1.0, false));
+        assert_eq!(settled(mask(0.5, false), true, true), mask(0.5, false));
+    }
+}
