@@ -119,19 +119,15 @@ fn check_size(width: usize, height: usize, bytes: u64, options: &LoadOptions, bu
 }
 
 fn radiance(bytes: &[u8], options: &LoadOptions, budget: &Budget) -> Result<Picture> {
-    let broken =
-        |error: image::ImageError| invalid("", format!("this is not read as HDR ({error})"), DAMAGED);
+    let broken = |error: image::ImageError| match error {
+        image::ImageError::Unsupported(error) => {
+            unsupported("", format!("the HDR file cannot be read ({error})"), "convert it to OpenEXR")
+        }
+        error => invalid("", format!("the HDR file cannot be read ({error})"), DAMAGED),
+    };
     // Not strict: the strict mode knows one of the two usual first lines.
     let decoder = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(broken)?;
     let metadata = decoder.metadata();
-    let is_xyz = |(key, value): &(String, String)| key == "FORMAT" && value.trim() != "32-bit_rle_rgbe";
-    if metadata.custom_attributes.iter().any(is_xyz) {
-        return Err(unsupported(
-            "",
-            "the HDR file is not of the format 32-bit_rle_rgbe",
-            "convert it to OpenEXR",
-        ));
-    }
     let (width, height) = (metadata.width as usize, metadata.height as usize);
     // As bytes and as texels.
     check_size(width, height, 24, options, budget)?;
@@ -152,7 +148,7 @@ fn open_exr(bytes: &[u8], options: &LoadOptions, budget: &Budget, notes: &mut No
     let reader = exr::block::read(Cursor::new(bytes), false).map_err(broken_exr)?;
     let has = |header: &Header, names: &[&str]| {
         let stated = &header.channels.list;
-        !header.deep && names.iter().all(|name| stated.iter().any(|channel| channel.name.eq(*name)))
+        !header.deep && names.iter().all(|name| stated.iter().any(|channel| channel.name.eq(name)))
     };
     let first = |names: &[&str]| reader.headers().iter().find(|header| has(header, names));
     let (header, is_color) = match (first(&["R", "G", "B"]), first(&["Y"])) {

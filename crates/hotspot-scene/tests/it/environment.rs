@@ -24,14 +24,11 @@ fn ramp(x: usize, y: usize) -> [f32; 3] {
     [x as f32, y as f32 * 0.5, 100.0]
 }
 
+/// A channel's name, and its value by column and row.
+type Stated<'c> = (&'c str, &'c dyn Fn(usize, usize) -> f32);
+
 /// An EXR of one layer with the given channels.
-fn exr_of(
-    width: usize,
-    height: usize,
-    encoding: Encoding,
-    channels: &[(&str, &dyn Fn(usize, usize) -> f32)],
-    half: bool,
-) -> Vec<u8> {
+fn exr_of(width: usize, height: usize, encoding: Encoding, channels: &[Stated<'_>], half: bool) -> Vec<u8> {
     let list = channels
         .iter()
         .map(|(name, value)| {
@@ -92,7 +89,7 @@ fn exr_keeps_its_rows_and_columns_whatever_its_layout() {
 
 #[test]
 fn luminance_alone_is_grey_and_colour_is_preferred() {
-    let y: (&str, &dyn Fn(usize, usize) -> f32) = ("Y", &|x, _| x as f32);
+    let y: Stated<'_> = ("Y", &|x, _| x as f32);
     let (map, _) = load("sky.exr", &exr_of(4, 2, LINES, &[y], false)).unwrap();
     assert_eq!(map.texels[3], [3.0; 3]);
     let channel: &dyn Fn(usize, usize) -> f32 = &|_, _| 7.0;
@@ -110,20 +107,16 @@ fn the_first_layer_with_colours_is_taken() {
         let list = names.iter().map(|n| AnyChannel::new(*n, FlatSamples::F32(vec![value; 8]))).collect();
         Layer::new((4, 2), LayerAttributes::named(name), LINES, AnyChannels::sort(list))
     };
-    let layers = smallvec_of([
+    let layers = [
         layer("normals", ["X", "Y", "Z"], 1.0),
         layer("light", ["R", "G", "B"], 2.0),
         layer("more", ["R", "G", "B"], 3.0),
-    ]);
+    ];
     let attributes = ImageAttributes::new(IntegerBounds::from_dimensions((4, 2)));
     let mut out = Cursor::new(Vec::new());
-    Image::from_layers(attributes, layers).write().non_parallel().to_buffered(&mut out).unwrap();
+    Image::from_layers(attributes, Vec::from(layers)).write().non_parallel().to_buffered(&mut out).unwrap();
     let (map, _) = load("sky.exr", &out.into_inner()).unwrap();
     assert_eq!(map.texels[..], [[2.0; 3]; 8]);
-}
-
-fn smallvec_of<T>(layers: [T; 3]) -> Vec<T> {
-    layers.into()
 }
 
 #[test]
@@ -146,7 +139,8 @@ fn radiance_pictures_are_decoded_and_exposure_is_undone() {
     let (map, _) = load("sky.hdr", &out).unwrap();
     assert_eq!(map.texels[16 + 15], [15.0, 0.5, 0.0]);
     let error = load("sky.hdr", &hdr_of(4, 2, "#?RADIANCE\nFORMAT=32-bit_rle_xyze", texel)).unwrap_err();
-    assert!(error.to_string().contains("32-bit_rle_rgbe"), "{error}");
+    assert!(matches!(error, LoadError::Unsupported { .. }));
+    assert!(error.to_string().contains("32-bit_rle_xyze"), "{error}");
 }
 
 #[test]
@@ -238,11 +232,9 @@ fn damaged_files_never_panic() {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (seed >> 33) as usize % bound
     };
-    let rounds: usize =
-        std::env::var("HOTSPOT_DAMAGE_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(300);
     for (kind, whole) in files.iter().enumerate() {
         let (mut loaded, mut refused) = (0, 0);
-        for round in 0..rounds {
+        for round in 0..300 {
             let mut bytes = whole.clone();
             match round % 4 {
                 0 => bytes.truncate(below(bytes.len())),

@@ -83,8 +83,10 @@ fn spots_have_cosines_of_their_angles() {
     };
     assert!((inner - 0.5f32.cos()).abs() < 1e-6 && (outer - 1f32.cos()).abs() < 1e-6);
     // f32's π/2 is a little more than π/2.
-    assert_eq!(spot(json!({"outerConeAngle": std::f32::consts::FRAC_PI_2})), (Some([1.0, 0.0]), 0));
-    assert_eq!(spot(json!({"outerConeAngle": 3})), (Some([1.0, 0.0]), 1));
+    for (outer, repairs) in [(f64::from(std::f32::consts::FRAC_PI_2), 0), (3.0, 1)] {
+        let (Some([1.0, cos_outer]), count) = spot(json!({ "outerConeAngle": outer })) else { panic!() };
+        assert!(count == repairs && cos_outer < 1e-6);
+    }
     assert_eq!(spot(json!({"innerConeAngle": -1})), (Some([1.0, quarter]), 1));
     assert_eq!(spot(json!({"innerConeAngle": 1, "outerConeAngle": 1})).1, 1);
     assert_eq!(spot(json!({"innerConeAngle": 3, "outerConeAngle": 1e-9})).1, 1);
