@@ -18,6 +18,9 @@ use crate::notes::Notes;
 use crate::options::LoadOptions;
 use crate::scene::{EnvironmentMap, Repair};
 
+/// x and y of red, green, blue and white (ITU-R BT.709).
+const REC709: [[f32; 2]; 4] = [[0.64, 0.33], [0.3, 0.6], [0.15, 0.06], [0.3127, 0.329]];
+
 const DAMAGED: &str = "the file is damaged or cut short: copy or export it again";
 
 /// Loads an equirectangular picture of radiance, recognised by content: OpenEXR (scan lines or tiles; of its first layer
@@ -25,7 +28,7 @@ const DAMAGED: &str = "the file is damaged or cut short: copy or export it again
 /// format asks for). It comes unrotated and unscaled; which way it lies is said at [`EnvironmentMap`].
 ///
 /// Texels that are negative, NaN or infinite in some channel are given 0 there and counted among the repairs. A picture that
-/// is not twice as wide as high is taken for one all the same, and noted there too.
+/// is not twice as wide as high is taken for one all the same, and one of other primaries for Rec.709; both are noted there.
 ///
 /// # Errors
 /// [`LoadError`] names the file and what to do: where it cannot be read, is damaged, is another kind of file (PNG and JPEG
@@ -167,6 +170,11 @@ fn open_exr(bytes: &[u8], options: &LoadOptions, budget: &Budget, notes: &mut No
     let cropped =
         display.size != header.layer_size || display.position != header.own_attributes.layer_position;
     notes.repair("data window of the picture taken for the whole", "", u64::from(cropped));
+    let foreign = header.shared_attributes.chromaticities.as_ref().is_some_and(|stated| {
+        let stated = [stated.red, stated.green, stated.blue, stated.white].map(|Vec2(x, y)| [x, y]);
+        stated.iter().flatten().zip(REC709.iter().flatten()).any(|(got, wanted)| (got - wanted).abs() > 2e-3)
+    });
+    notes.repair("colours of other primaries taken for Rec.709", "", u64::from(foreign && is_color));
     check_size(width, height, 12, options, budget)?;
     for header in reader.headers() {
         charge_blocks(header, budget)?;

@@ -112,11 +112,25 @@ fn the_first_layer_with_colours_is_taken() {
         layer("light", ["R", "G", "B"], 2.0),
         layer("more", ["R", "G", "B"], 3.0),
     ];
-    let attributes = ImageAttributes::new(IntegerBounds::from_dimensions((4, 2)));
-    let mut out = Cursor::new(Vec::new());
-    Image::from_layers(attributes, Vec::from(layers)).write().non_parallel().to_buffered(&mut out).unwrap();
-    let (map, _) = load("sky.exr", &out.into_inner()).unwrap();
+    let write = |primaries: Option<f32>| {
+        let mut attributes = ImageAttributes::new(IntegerBounds::from_dimensions((4, 2)));
+        attributes.chromaticities = primaries.map(|red| attribute::Chromaticities {
+            red: Vec2(red, 0.33),
+            green: Vec2(0.3, 0.6),
+            blue: Vec2(0.15, 0.06),
+            white: Vec2(0.3127, 0.329),
+        });
+        let mut out = Cursor::new(Vec::new());
+        let image = Image::from_layers(attributes, Vec::from(layers.clone()));
+        image.write().non_parallel().to_buffered(&mut out).unwrap();
+        out.into_inner()
+    };
+    let (map, repairs) = load("sky.exr", &write(None)).unwrap();
     assert_eq!(map.texels[..], [[2.0; 3]; 8]);
+    assert!(repairs.is_empty());
+    assert!(load("sky.exr", &write(Some(0.64))).unwrap().1.is_empty());
+    let (_, repairs) = load("sky.exr", &write(Some(0.7))).unwrap();
+    assert!(repairs.len() == 1 && repairs[0].what.contains("Rec.709"), "{repairs:?}");
 }
 
 #[test]
