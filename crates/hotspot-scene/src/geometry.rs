@@ -60,6 +60,7 @@ fn drop_unused_vertices(mesh: &mut Mesh) {
     mesh.positions = pick(&mesh.positions, &kept);
     mesh.normals = mesh.normals.as_deref().map(|n| pick(n, &kept));
     mesh.uvs = mesh.uvs.as_deref().map(|uv| pick(uv, &kept));
+    mesh.second_uvs = mesh.second_uvs.as_deref().map(|uv| pick(uv, &kept));
 }
 
 /// Makes normals unit; replaces those that have no direction by the area-weighted geometric normal of the vertex.
@@ -109,7 +110,7 @@ fn unit(v: [f64; 3]) -> Option<[f32; 3]> {
 
 fn mend_uvs(mesh: &mut Mesh, element: &str, notes: &mut Notes) {
     let mut bad = 0;
-    for uv in mesh.uvs.iter_mut().flatten() {
+    for uv in mesh.uvs.iter_mut().chain(&mut mesh.second_uvs).flatten() {
         if !uv.iter().all(|c| c.is_finite()) {
             *uv = [0.0; 2];
             bad += 1;

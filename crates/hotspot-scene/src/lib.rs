@@ -4,8 +4,8 @@
 //! memory before it allocates. What the scene does not carry is named in [`Scene::unmodelled`], what was mended in
 //! [`Scene::repairs`].
 //!
-//! Limits of today: triangles only (no points, lines, curves); no skins, morph targets, animations, vertex colours,
-//! normal maps or punctual lights; PNG and JPEG images; no mesh compression; of OBJ's polygons, those that cross themselves
+//! Limits of today: triangles only (no points, lines, curves); no skins, morph targets, animations or vertex
+//! colours; PNG, JPEG and WebP images; no mesh compression; of OBJ's polygons, those that cross themselves
 //! are split as fans.
 //!
 //! ```no_run
@@ -16,6 +16,7 @@
 #![forbid(unsafe_code)]
 
 mod budget;
+mod environment;
 mod error;
 mod files;
 mod geometry;
@@ -24,6 +25,7 @@ mod images;
 mod notes;
 mod obj;
 mod options;
+mod reduce;
 mod scene;
 mod uri;
 
@@ -32,6 +34,7 @@ use std::path::Path;
 use budget::Budget;
 use files::Folder;
 
+pub use environment::load_environment;
 pub use error::{LoadError, Place};
 pub use options::LoadOptions;
 pub use scene::*;

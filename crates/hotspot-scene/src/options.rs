@@ -11,8 +11,11 @@ pub struct LoadOptions {
     pub max_memory_bytes: u64,
     /// Largest width or height of an image, in texels. Default 16384.
     pub max_texture_dimension: u32,
-    /// Most texels in all decoded images together. Default 2²⁹ (2 GiB as RGBA).
+    /// Most texels in all images together, as they are in their files. Default 2³².
     pub max_texture_pixels: u64,
+    /// Most bytes that the textures of the scene may take (4 a texel). Beyond, the largest are halved until the rest fits, and
+    /// named. Default 4 GiB.
+    pub max_texture_bytes: u64,
     /// Most nodes in the file. Default 4 million.
     pub max_nodes: u64,
     /// Most placed primitives. Default 16 million.
@@ -21,7 +24,8 @@ pub struct LoadOptions {
     pub scene: Option<usize>,
     /// Point in time at which a glTF file's animations are shown, in seconds; `None` for rest.
     pub time: Option<f64>,
-    /// Which of a glTF file's material variants to show; `None` for none.
+    /// Which of a glTF file's material variants to show, by name; `None` for the materials that primitives have by default.
+    /// OBJ ignores it.
     pub variant: Option<String>,
 }
 
@@ -31,7 +35,8 @@ impl Default for LoadOptions {
             max_file_bytes: 4 << 30,
             max_memory_bytes: 8 << 30,
             max_texture_dimension: 16384,
-            max_texture_pixels: 1 << 29,
+            max_texture_pixels: 1 << 32,
+            max_texture_bytes: 4 << 30,
             max_nodes: 4_000_000,
             max_instances: 16_000_000,
             scene: None,

@@ -52,7 +52,7 @@ impl<'a> Document<'a> {
                 "simplify the scene or raise the limit",
             ));
         }
-        super::extensions::note_unknown(&value, "", None, &["KHR_lights_punctual"], notes);
+        super::extensions::note_unknown(&value, "", None, &[], notes);
         for (i, animation) in list("animations").enumerate() {
             let name = animation.get("name").and_then(Value::as_str);
             notes.unmodelled(
@@ -80,6 +80,17 @@ impl<'a> Document<'a> {
             value => value.as_f64().map(|number| vec![number]),
         };
         numbers?.try_into().ok()
+    }
+
+    /// The mended JSON, for what the crate does not know.
+    pub(crate) fn json(&self) -> &Value {
+        &self.value
+    }
+
+    /// Whether the file says that it cannot be read without an extension.
+    pub(crate) fn requires(&self, extension: &str) -> bool {
+        let required = self.value.get("extensionsRequired").and_then(Value::as_array);
+        required.into_iter().flatten().any(|name| name.as_str() == Some(extension))
     }
 
     /// Names the extensions on an element that have no effect here. `known` are those its reader takes care of.

@@ -4,22 +4,34 @@ use serde_json::Value;
 
 use super::document::label;
 use super::schema::extension_names;
+use super::texture::FOREIGN;
 use crate::error::{Result, unsupported};
 use crate::notes::Notes;
 
 /// Extensions whose meaning reaches the scene.
-const MODELLED: [&str; 7] = [
+const MODELLED: [&str; 12] = [
+    "EXT_texture_webp",
+    "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_specular",
     "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];
 
-/// Extensions that say nothing about the picture.
-const SILENT: [&str; 3] = ["KHR_xmp", "KHR_xmp_json_ld", "KHR_draco_mesh_compression"];
+/// Extensions that say nothing about the picture, or whose readers say what they leave out.
+const SILENT: [&str; 5] = [
+    "KHR_draco_mesh_compression",
+    "KHR_lights_punctual",
+    "KHR_materials_variants",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+];
 
 /// Refuses a file that demands an extension which we lack: without it, it would be misread.
 pub(crate) fn check_required(root: &Value) -> Result<()> {
@@ -29,15 +41,13 @@ pub(crate) fn check_required(root: &Value) -> Result<()> {
         let Some(name) = value.as_str() else {
             return Err(crate::error::invalid(path, "this is not a string", crate::error::REEXPORT));
         };
-        if MODELLED.contains(&name) {
+        // Of images, it depends on the texture whether there is one that we read.
+        if MODELLED.contains(&name) || FOREIGN.iter().any(|(foreign, _)| *foreign == name) {
             continue;
         }
         let remedy = match name {
             "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
                 "export the file again without mesh compression"
-            }
-            "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" | "MSFT_texture_dds" => {
-                "export the file again with PNG or JPEG textures"
             }
             "EXT_mesh_gpu_instancing" => "export the file again with one node per copy",
             _ => "export the file again without it, or with it as optional",
@@ -58,18 +68,10 @@ pub(crate) fn note_unknown(value: &Value, path: &str, name: Option<&str>, known:
             continue;
         }
         let effect = match extension {
-            "KHR_lights_punctual" => "the light is left out",
             "EXT_mesh_gpu_instancing" => "one copy is drawn instead of many",
-            "KHR_materials_unlit" => "the surface is lit",
-            "KHR_materials_variants" => "the default material is used",
-            "KHR_materials_pbrSpecularGlossiness" => "the metallic-roughness values are used",
-            "KHR_materials_sheen" => "no sheen is added",
-            "KHR_materials_clearcoat" => "no coat is added",
-            "KHR_materials_iridescence" => "no iridescence is added",
-            "KHR_materials_anisotropy" => "the highlights are isotropic",
-            "KHR_materials_dispersion" => "all wavelengths refract alike",
-            "KHR_materials_diffuse_transmission" => "no light passes diffusely",
-            "EXT_lights_image_based" => "the environment map is left out",
+            "EXT_lights_image_based" => {
+                "the file's own environment map lights nothing; its rotation and intensity are not read either"
+            }
             _ => "ignored",
         };
         let element = if path.is_empty() { "the file as a whole".into() } else { label(path, name) };

@@ -10,10 +10,14 @@ mod document;
 mod extensions;
 pub(crate) mod glb;
 mod graph;
+mod light;
 mod material;
+mod member;
 mod primitive;
 mod schema;
+mod specular_glossiness;
 mod texture;
+mod variant;
 
 use std::collections::HashMap;
 
@@ -28,7 +32,7 @@ use crate::files::Folder;
 use crate::images::Images;
 use crate::notes::{Names, Notes};
 use crate::options::LoadOptions;
-use crate::scene::{Environment, Instance, Material, Object, Scene};
+use crate::scene::{Environment, Instance, Light, Material, Mesh, Object, Scene};
 
 /// Loads a GLB file (recognised by its magic or when `container` says so) or JSON.
 pub(crate) fn load(
@@ -48,22 +52,25 @@ pub(crate) fn load(
     let json = schema::parse_json(text, budget, &mut notes)?;
     let doc = Document::new(json, bin, folder, options, budget, &mut notes)?;
     let mut loader = Loader::new(&doc, notes);
+    loader.variant = variant::choose(&doc)?;
     loader.scene()?;
-    Ok(loader.finish())
+    loader.finish()
 }
 
 /// A material as primitives refer to it.
 #[derive(Clone, Copy)]
 struct MaterialUse {
     index: u32,
-    uv_set: Option<u32>,
+    uv_sets: [Option<u32>; 2],
 }
 
 struct Loader<'d, 'a> {
     doc: &'d Document<'a>,
     notes: Notes,
     scene: Scene,
-    textures: Textures,
+    textures: Textures<'d>,
+    /// Of the material variants.
+    variant: Option<usize>,
     /// By index in the file; `None` is the default material.
     materials: HashMap<Option<usize>, MaterialUse>,
     /// `None` for those without triangles.
@@ -71,7 +78,7 @@ struct Loader<'d, 'a> {
     object_names: Names,
     material_names: Names,
     camera_names: Names,
-    /// Primitives of the nodes met so far.
+    /// Primitives and lights of the nodes met so far.
     placed: u64,
 }
 
@@ -82,6 +89,7 @@ impl<'d, 'a> Loader<'d, 'a> {
             notes,
             scene: Scene::default(),
             textures: Textures::new(Images::new(doc.options)),
+            variant: None,
             materials: HashMap::new(),
             meshes: HashMap::new(),
             object_names: Names::default(),
@@ -91,10 +99,25 @@ impl<'d, 'a> Loader<'d, 'a> {
         }
     }
 
-    fn finish(mut self) -> Scene {
-        self.scene.textures = self.textures.images.into_textures();
-        (self.scene.unmodelled, self.scene.repairs) = self.notes.into_lists();
-        self.scene
+    fn finish(mut self) -> Result<Scene> {
+        let scene = &mut self.scene;
+        let finished = self.textures.images.finish(&scene.materials, self.doc.budget, &mut self.notes)?;
+        scene.textures = finished.textures;
+        let has_alpha = |mesh: &Mesh| mesh.colors.iter().flatten().any(|color| color[3] < 1.0);
+        let with_alpha: Vec<bool> = scene.meshes.iter().map(has_alpha).collect();
+        let mut by_vertex = vec![false; scene.materials.len()];
+        for instance in &scene.instances {
+            if with_alpha.get(instance.mesh as usize) == Some(&true)
+                && let Some(flag) = by_vertex.get_mut(instance.material as usize)
+            {
+                *flag = true;
+            }
+        }
+        for (material, by_vertex) in scene.materials.iter_mut().zip(by_vertex) {
+            material::settle_alpha(material, &finished.solid, by_vertex);
+        }
+        (scene.unmodelled, scene.repairs) = self.notes.into_lists();
+        Ok(self.scene)
     }
 
     fn scene(&mut self) -> Result<()> {
@@ -125,7 +148,43 @@ impl<'d, 'a> Loader<'d, 'a> {
             }
             None => graph::walk(doc, &graph::roots(doc)?, "nodes", &mut self.notes)?,
         };
-        placed.iter().try_for_each(|placed| self.node(placed))
+        for placed in &placed {
+            self.node(placed)?;
+            self.light(placed)?;
+        }
+        Ok(())
+    }
+
+    /// After the node's mesh, so that of equal names the object keeps its own.
+    fn light(&mut self, placed: &Placed) -> Result<()> {
+        let doc = self.doc;
+        if !light::is_on(doc, placed.node) {
+            return Ok(());
+        }
+        let Some(node) = doc.gltf.nodes().nth(placed.node) else { return Ok(()) };
+        self.place(1)?;
+        if let Some(mut light) = light::read(doc, &node, &placed.to_world, &mut self.notes)? {
+            light.name = self.object_names.unique(&light.name);
+            doc.budget.charge(2, (size_of::<Light>() + light.name.len()) as u64, "nodes")?;
+            self.scene.lights.push(light);
+        }
+        Ok(())
+    }
+
+    /// Counts primitives and lights against the limit, before they are looked at: also those that give nothing take time.
+    fn place(&mut self, count: usize) -> Result<()> {
+        self.placed = self.placed.saturating_add(count as u64);
+        if self.placed > self.doc.options.max_instances {
+            return Err(limit(
+                "nodes",
+                format!(
+                    "the scene places more than {} primitives and lights",
+                    self.doc.options.max_instances
+                ),
+                "simplify the scene or raise the limit",
+            ));
+        }
+        Ok(())
     }
 
     /// Our convention for a constant environment: `extras.environment.constant = [R, G, B]`.
@@ -173,15 +232,7 @@ impl<'d, 'a> Loader<'d, 'a> {
         if primitives.len() == 0 {
             self.notes.repair("mesh without primitives dropped", &path, 1);
         }
-        // Counted before they are looked at: also those that draw nothing take time.
-        self.placed = self.placed.saturating_add(primitives.len() as u64);
-        if self.placed > self.doc.options.max_instances {
-            return Err(limit(
-                "nodes",
-                format!("the scene places more than {} primitives", self.doc.options.max_instances),
-                "simplify the scene or raise the limit",
-            ));
-        }
+        self.place(primitives.len())?;
         let mut object = None;
         for primitive in primitives {
             let Some((mesh_index, material)) = self.primitive(&mesh, &primitive)? else { continue };
@@ -219,11 +270,14 @@ impl<'d, 'a> Loader<'d, 'a> {
         let path = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
         self.doc.note_unknown(&path, None, &[], &mut self.notes);
         // Asked without a material first, so that no texture is read for points and lines.
-        if Sources::of(primitive, &path, None, &mut self.notes).is_none() {
+        if Sources::of(primitive, &path, [None; 2], &mut self.notes).is_none() {
             return Ok(None);
         }
-        let material = self.material(&primitive.material(), &path)?;
-        let Some(sources) = Sources::of(primitive, &path, material.uv_set, &mut self.notes) else {
+        let own = primitive.material();
+        let chosen = variant::material(self.doc, self.variant, mesh.index(), primitive.index())?;
+        let chosen = chosen.and_then(|index| self.doc.gltf.materials().nth(index));
+        let material = self.material(chosen.as_ref().unwrap_or(&own), &path)?;
+        let Some(sources) = Sources::of(primitive, &path, material.uv_sets, &mut self.notes) else {
             return Ok(None);
         };
         if let Some(known) = self.meshes.get(&sources) {
@@ -253,17 +307,17 @@ impl<'d, 'a> Loader<'d, 'a> {
         if let Some(known) = self.materials.get(&key) {
             return Ok(*known);
         }
-        let (mut material, uv_set) = match key {
+        let (mut material, uv_sets) = match key {
             Some(index) => {
                 let loaded = material::read(self.doc, material, index, &mut self.textures, &mut self.notes)?;
-                (loaded.material, loaded.uv_set)
+                (loaded.material, loaded.uv_sets)
             }
-            None => (Material::default_matte("default"), None),
+            None => (Material::default_matte("default"), [None; 2]),
         };
         material.name = self.material_names.unique(&material.name);
         self.scene.materials.push(material);
         let index = index_of_last(self.scene.materials.len(), "materials")?;
-        let material = MaterialUse { index, uv_set };
+        let material = MaterialUse { index, uv_sets };
         self.materials.insert(key, material);
         Ok(material)
     }

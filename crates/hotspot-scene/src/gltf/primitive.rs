@@ -16,6 +16,7 @@ pub(crate) struct Sources {
     positions: usize,
     normals: Option<usize>,
     uvs: Option<usize>,
+    second_uvs: Option<usize>,
     indices: Option<usize>,
     shape: Shape,
 }
@@ -29,12 +30,12 @@ enum Shape {
 }
 
 impl Sources {
-    /// Reads which accessors a primitive names; `None` where it draws no triangles (noted). `uv_set` is what its material
-    /// needs.
+    /// Reads which accessors a primitive names; `None` where it draws no triangles (noted). `uv_sets` are what its
+    /// material needs.
     pub(crate) fn of(
         primitive: &gltf::Primitive<'_>,
         path: &str,
-        uv_set: Option<u32>,
+        uv_sets: [Option<u32>; 2],
         notes: &mut Notes,
     ) -> Option<Self> {
         let shape = match primitive.mode() {
@@ -55,10 +56,13 @@ impl Sources {
             notes.repair("primitive without positions dropped", path, 1);
             return None;
         };
-        let uvs = uv_set.and_then(|set| find(Semantic::TexCoords(set)));
-        if let (Some(set), None) = (uv_set, uvs) {
-            notes.repair(&format!("no TEXCOORD_{set}: the texture is read at (0, 0)"), path, 1);
-        }
+        let [uvs, second_uvs] = uv_sets.map(|set| {
+            let found = set.and_then(|set| find(Semantic::TexCoords(set)));
+            if let (Some(set), None) = (set, found) {
+                notes.repair(&format!("no TEXCOORD_{set}: the texture is read at (0, 0)"), path, 1);
+            }
+            found
+        });
         if find(Semantic::Colors(0)).is_some() {
             notes.unmodelled("COLOR_0", path, "the vertices' colours are left out");
         }
@@ -66,7 +70,7 @@ impl Sources {
             notes.unmodelled("morph targets", path, "the base shape is drawn");
         }
         let indices = primitive.indices().map(|accessor| accessor.index());
-        Some(Self { positions, normals: find(Semantic::Normals), uvs, indices, shape })
+        Some(Self { positions, normals: find(Semantic::Normals), uvs, second_uvs, indices, shape })
     }
 
     /// Reads and cleans the mesh; `None` where no triangle is left (noted).
@@ -85,11 +89,16 @@ impl Sources {
             Some(accessor) => Some(accessor::vectors::<3>(doc, &accessor, Kind::Vector, notes)?),
             None => None,
         };
-        let uvs = match at(self.uvs) {
-            Some(accessor) => Some(accessor::vectors::<2>(doc, &accessor, Kind::Uv, notes)?),
-            None => None,
+        let mut read_uvs = |index| match at(index) {
+            Some(accessor) => accessor::vectors::<2>(doc, &accessor, Kind::Uv, notes).map(Some),
+            None => Ok(None),
         };
-        let counts = [("NORMAL", normals.as_ref().map(Vec::len)), ("TEXCOORD", uvs.as_ref().map(Vec::len))];
+        let (uvs, second_uvs) = (read_uvs(self.uvs)?, read_uvs(self.second_uvs)?);
+        let counts = [
+            ("NORMAL", normals.as_ref().map(Vec::len)),
+            ("TEXCOORD", uvs.as_ref().map(Vec::len)),
+            ("TEXCOORD", second_uvs.as_ref().map(Vec::len)),
+        ];
         for (attribute, count) in counts {
             if count.is_some_and(|count| count != vertices) {
                 return Err(crate::error::invalid(
@@ -112,7 +121,7 @@ impl Sources {
         // What `clean` holds for a moment: a flag, a sum and an index per vertex.
         doc.budget.charge(vertices as u64, 48, path)?;
         let triangles = self.triangles(&indices, path, notes);
-        let mesh = Mesh { name, positions, normals, uvs, triangles, ..Mesh::default() };
+        let mesh = Mesh { name, positions, normals, uvs, second_uvs, triangles, ..Mesh::default() };
         let mesh = geometry::clean(mesh, path, notes);
         if mesh.triangles.is_empty() {
             notes.repair("primitive without triangles dropped", path, 1);

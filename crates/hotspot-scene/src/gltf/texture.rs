@@ -1,73 +1,89 @@
 //! Texture slots of materials: image, sampler and KHR_texture_transform to a [`TextureRef`].
+//!
+//! Slots are read from the JSON: the crate knows those of few extensions, and the transform of few slots.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 
-use gltf::texture::{Info, MagFilter, Sampler, TextureTransform, WrappingMode};
+use gltf::texture::{MagFilter, Sampler, WrappingMode};
+use serde_json::Value;
 
-use super::document::Document;
-use crate::error::{REEXPORT, Result, invalid};
+use super::document::{Document, label};
+use super::member;
+use crate::error::{REEXPORT, Result, invalid, unsupported};
 use crate::images::Images;
 use crate::notes::Notes;
 use crate::scene::{TextureRef, Wrap};
 
-/// Decoded images, by index in the file too.
-pub(crate) struct Textures {
-    pub(crate) images: Images,
+/// Extensions that put an image of another format into a texture, with what it is called.
+pub(crate) const FOREIGN: [(&str, &str); 3] = [
+    ("KHR_texture_basisu", "a KTX2 (Basis Universal)"),
+    ("EXT_texture_avif", "an AVIF"),
+    ("MSFT_texture_dds", "a DDS"),
+];
+
+const WEBP: &str = "EXT_texture_webp";
+
+/// Images in use, by index in the file too.
+pub(crate) struct Textures<'d> {
+    pub(crate) images: Images<'d>,
     by_image: HashMap<usize, u32>,
 }
 
-/// A texture slot.
+/// A texture slot whose image is not read yet.
 pub(crate) struct Slot {
-    pub(crate) texture: TextureRef,
+    /// Index in the file's `textures`.
+    texture: usize,
+    transform: [[f32; 3]; 2],
     /// Which TEXCOORD_n it reads.
     pub(crate) uv_set: u32,
 }
 
-impl Textures {
-    pub(crate) fn new(images: Images) -> Self {
+/// The slot that the `textureInfo` object at `path` describes.
+pub(crate) fn slot(doc: &Document<'_>, info: &Value, path: &str, notes: &mut Notes) -> Result<Slot> {
+    doc.note_unknown(path, None, &["KHR_texture_transform"], notes);
+    let count = doc.gltf.textures().len();
+    let texture = member::index(info, path, "index", count, "textures")?
+        .ok_or_else(|| invalid(format!("{path}.index"), "this is missing", REEXPORT))?;
+    // The schema sets no bound; beyond, there is no such set.
+    let set = |key| member::index(info, path, key, u32::MAX as usize, "sets of texture coordinates");
+    let stated = set("texCoord")?;
+    let set = match set("extensions.KHR_texture_transform.texCoord")? {
+        Some(set) => set,
+        None => stated.unwrap_or(0),
+    };
+    let uv_set = u32::try_from(set).unwrap_or(u32::MAX);
+    Ok(Slot { texture, transform: transform(info, path)?, uv_set })
+}
+
+impl<'d> Textures<'d> {
+    pub(crate) fn new(images: Images<'d>) -> Self {
         Self { images, by_image: HashMap::new() }
     }
 
-    /// The slot that the `textureInfo` object at `path` describes; `None` where there is no image that we read (noted).
-    pub(crate) fn slot(
+    /// The texture of a slot; `None` where there is no image that we read (noted).
+    pub(crate) fn read(
         &mut self,
-        doc: &Document<'_>,
-        info: &Info<'_>,
-        path: &str,
+        doc: &'d Document<'_>,
+        slot: &Slot,
         notes: &mut Notes,
-    ) -> Result<Option<Slot>> {
-        let texture = info.texture();
-        let texture_path = format!("textures[{}]", texture.index());
-        doc.note_unknown(path, None, &["KHR_texture_transform"], notes);
-        doc.note_unknown(&texture_path, texture.name(), &[], notes);
-        let Some(image) = texture.source() else {
-            // Usual with formats that come by extension, which is named above.
-            notes.repair("texture without an image left out", &texture_path, 1);
-            return Ok(None);
-        };
-        let texture_index = match self.by_image.get(&image.index()) {
+    ) -> Result<Option<TextureRef>> {
+        let Some(texture) = doc.gltf.textures().nth(slot.texture) else { return Ok(None) };
+        let Some(image) = image(doc, &texture, notes)? else { return Ok(None) };
+        let index = match self.by_image.get(&image) {
             Some(known) => *known,
             None => {
-                let new = self.decode(doc, image.index(), notes)?;
-                self.by_image.insert(image.index(), new);
+                let new = self.collect(doc, image)?;
+                self.by_image.insert(image, new);
                 new
             }
         };
         let (wrap, nearest) = sampler(&texture.sampler());
-        let mut uv_set = info.tex_coord();
-        let mut transform = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        if let Some(extension) = info.texture_transform() {
-            uv_set = extension.tex_coord().unwrap_or(uv_set);
-            transform = matrix(&extension, path)?;
-        }
-        Ok(Some(Slot {
-            texture: TextureRef { texture: texture_index, wrap, nearest, transform, second_uvs: false },
-            uv_set,
-        }))
+        Ok(Some(TextureRef { texture: index, wrap, nearest, transform: slot.transform, second_uvs: false }))
     }
 
     /// `gltf::Image::source` panics on images with neither URI nor view, so the JSON type is asked.
-    fn decode(&mut self, doc: &Document<'_>, index: usize, notes: &mut Notes) -> Result<u32> {
+    fn collect(&mut self, doc: &'d Document<'_>, index: usize) -> Result<u32> {
         let path = format!("images[{index}]");
         let neither = || invalid(path.as_str(), "the image has neither a uri nor a bufferView", REEXPORT);
         let image = doc.gltf.as_json().images.get(index).ok_or_else(neither)?;
@@ -79,10 +95,48 @@ impl Textures {
         if let Some(uri) = &image.uri {
             let path = format!("{path}.uri");
             let encoded = doc.fetch(uri, &path)?;
-            return self.images.add(&encoded, &name, &path, doc.budget, notes);
+            return self.images.add(encoded, &name, &path, doc.budget);
         }
         let view = image.buffer_view.and_then(|view| doc.gltf.views().nth(view.value()));
-        self.images.add(doc.view(&view.ok_or_else(neither)?)?, &name, &path, doc.budget, notes)
+        let encoded: Cow<'d, [u8]> = doc.view(&view.ok_or_else(neither)?)?.into();
+        self.images.add(encoded, &name, &path, doc.budget)
+    }
+}
+
+/// The index of a texture's image: a WebP is preferred, as the extension asks for. Of the formats that we lack, the
+/// plain image beside them serves; where there is none, the texture is left out, unless the file requires it.
+fn image(doc: &Document<'_>, texture: &gltf::Texture<'_>, notes: &mut Notes) -> Result<Option<usize>> {
+    let path = format!("textures[{}]", texture.index());
+    let known = FOREIGN.map(|(name, _)| name);
+    let known = [WEBP, known[0], known[1], known[2]];
+    doc.note_unknown(&path, texture.name(), &known, notes);
+    let json = doc.json().get("textures").and_then(|textures| textures.get(texture.index()));
+    let count = doc.gltf.images().len();
+    let webp =
+        json.map(|json| member::index(json, &path, "extensions.EXT_texture_webp.source", count, "images"));
+    if let Some(webp) = webp.transpose()?.flatten() {
+        return Ok(Some(webp));
+    }
+    if let Some(source) = texture.source() {
+        return Ok(Some(source.index()));
+    }
+    let extensions = json.and_then(|json| json.get("extensions"));
+    let foreign = FOREIGN.iter().find(|(name, _)| extensions.is_some_and(|all| all.get(name).is_some()));
+    match foreign {
+        Some((extension, kind)) if doc.requires(extension) => Err(unsupported(
+            format!("{path}.extensions.{extension}"),
+            format!("the texture has {kind} image alone, which cannot be decoded"),
+            "export the file again with PNG, JPEG or WebP textures",
+        )),
+        Some((extension, kind)) => {
+            let effect = format!("the texture is left out: it has {kind} image alone");
+            notes.unmodelled(extension, &label(&path, texture.name()), &effect);
+            Ok(None)
+        }
+        None => {
+            notes.repair("texture without an image left out", &path, 1);
+            Ok(None)
+        }
     }
 }
 
@@ -100,14 +154,18 @@ fn sampler(sampler: &Sampler<'_>) -> ([Wrap; 2], bool) {
 ///
 /// The sense of the rotation is that of the extension's worked example (a rotation of π/2, scale ½ and offset (0, 1) cover
 /// the lower left quadrant of the image), which viewers follow too.
-fn matrix(extension: &TextureTransform<'_>, path: &str) -> Result<[[f32; 3]; 2]> {
-    let [tx, ty] = extension.offset().map(f64::from);
-    let [sx, sy] = extension.scale().map(f64::from);
-    let (s, c) = libm::sincos(f64::from(extension.rotation()));
+fn transform(info: &Value, path: &str) -> Result<[[f32; 3]; 2]> {
+    let path = format!("{path}.extensions.KHR_texture_transform");
+    let Some(stated) = member::at(info, "extensions.KHR_texture_transform") else {
+        return Ok([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    };
+    let [tx, ty] = member::numbers(stated, &path, "offset")?.unwrap_or([0.0; 2]);
+    let [sx, sy] = member::numbers(stated, &path, "scale")?.unwrap_or([1.0; 2]);
+    let (s, c) = libm::sincos(member::number(stated, &path, "rotation")?.unwrap_or(0.0));
     let matrix = [[c * sx, s * sy, tx], [-s * sx, c * sy, ty]].map(|row| row.map(|n| n as f32));
     if matrix.iter().flatten().all(|n| n.is_finite()) {
         Ok(matrix)
     } else {
-        Err(invalid(format!("{path}.extensions.KHR_texture_transform"), "a number is too large", REEXPORT))
+        Err(invalid(path, "a number is too large", REEXPORT))
     }
 }

@@ -14,7 +14,7 @@ use crate::scene::{Alpha, Bsdf, Channel, Color, Material, Scalar, TextureRef};
 
 /// Reads textures, each file once.
 pub(super) struct Textures<'a> {
-    pub(super) images: Images,
+    pub(super) images: Images<'a>,
     pub(super) folder: &'a Folder,
     pub(super) options: &'a LoadOptions,
     pub(super) budget: &'a Budget,
@@ -47,7 +47,7 @@ impl<'a> Textures<'a> {
             Some(known) => *known,
             None => {
                 let bytes = files::read(&found, self.options.max_file_bytes, self.budget, &element)?;
-                let index = self.images.add(&bytes, &map.name, &element, self.budget, notes)?;
+                let index = self.images.add(bytes, &map.name, &element, self.budget)?;
                 self.by_path.insert(found, index);
                 index
             }
@@ -114,7 +114,8 @@ pub(super) fn build(
     let mut alpha = Scalar::constant(stated.dissolve.unwrap_or(1.0));
     if let Some(texture) = textures.read(mtl.map_d.as_ref(), &mtl.file, notes)? {
         // Opacity maps are grey pictures, or pictures with an alpha channel.
-        let channel = if textures.images.is_solid(texture.texture) { Channel::R } else { Channel::A };
+        let channel =
+            if textures.images.is_solid(texture.texture, textures.budget) { Channel::R } else { Channel::A };
         alpha.texture = Some((texture, channel));
     }
     let alpha = if alpha == Scalar::constant(1.0) { Alpha::Opaque } else { Alpha::Blend { alpha } };

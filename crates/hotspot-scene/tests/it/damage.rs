@@ -1,6 +1,7 @@
 //! Cut and flipped files: whatever happens, nothing panics, errors have a place, and what loads is sound.
 
 use hotspot_scene::{LoadError, LoadOptions, Scene, load_glb_bytes};
+use serde_json::{Value, json};
 
 use crate::support::*;
 
@@ -86,7 +87,49 @@ fn flipped_bits_never_panic() {
 #[test]
 fn numbers_replaced_in_the_json_never_panic() {
     let (json, bin) = textured_square();
+    replace_numbers(&json, &bin);
+}
+
+#[test]
+fn numbers_replaced_in_materials_lights_and_variants_never_panic() {
+    let (mut json, bin) = textured_square();
+    let slot = json!({"index": 0, "texCoord": 0, "extensions": {"KHR_texture_transform":
+        {"offset": [0, 1], "rotation": 2, "scale": [3, 4], "texCoord": 1}}});
+    json["materials"] = json!([
+        {"alphaMode": "MASK", "alphaCutoff": 0, "emissiveFactor": [1, 2, 3], "emissiveTexture": slot,
+            "normalTexture": slot, "occlusionTexture": {"index": 0}, "extensions": {
+                "KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [1, 1, 1, 1], "diffuseTexture": slot,
+                    "specularFactor": [1, 1, 1], "glossinessFactor": 1, "specularGlossinessTexture": slot}}},
+        {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}, "extensions": {
+            "KHR_materials_ior": {"ior": 2}, "KHR_materials_sheen": {"sheenColorFactor": [0, 1, 0]},
+            "KHR_materials_specular": {"specularFactor": 1, "specularTexture": slot,
+                "specularColorFactor": [1, 1, 1], "specularColorTexture": slot},
+            "KHR_materials_transmission": {"transmissionFactor": 1, "transmissionTexture": slot},
+            "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 1,
+                "attenuationColor": [1, 1, 1]}}}]);
+    json["textures"] = json!([{"source": 0, "extensions": {"EXT_texture_webp": {"source": 0}}}]);
+    json["nodes"] = json!([{"mesh": 0}, {"extensions": {"KHR_lights_punctual": {"light": 0}}}]);
+    json["scenes"] = json!([{"nodes": [0, 1]}]);
+    json["extensions"] = json!({
+        "KHR_lights_punctual": {"lights": [{"type": "spot", "color": [1, 1, 1], "intensity": 1, "range": 1,
+            "spot": {"innerConeAngle": 0, "outerConeAngle": 1}}]},
+        "KHR_materials_variants": {"variants": [{"name": "glass"}]}});
+    let mut second = json["meshes"][0]["primitives"][0].clone();
+    second["extensions"] =
+        json!({"KHR_materials_variants": {"mappings": [{"material": 1, "variants": [0]}]}});
+    push(&mut json["meshes"][0]["primitives"], second);
+    replace_numbers(&json, &bin);
+}
+
+/// Loads the file with each of its numbers replaced by what it should not be.
+fn replace_numbers(json: &Value, bin: &[u8]) {
     let text = json.to_string();
+    let load = |json: &Value| {
+        let variant = json.pointer("/extensions/KHR_materials_variants").map(|_| "glass".into());
+        load_glb_bytes("change.glb", &glb(json, bin), &LoadOptions { variant, ..options() })
+    };
+    let whole = load(json);
+    assert!(whole.as_ref().is_ok_and(|scene| scene.repairs.len() <= 4), "{whole:?}");
     let values =
         ["-1", "0", "1e300", "4294967296", "18446744073709551615", "0.5", "null", "\"x\"", "[]", "{}"];
     let digits: Vec<usize> = text
@@ -101,7 +144,7 @@ fn numbers_replaced_in_the_json_never_panic() {
             let changed = format!("{}{value}{}", &text[..start], &text[end..]);
             // Digits within names and within text stay text; whatever is still JSON is tried.
             if let Ok(json) = serde_json::from_str(&changed) {
-                judge(load_glb_bytes("change.glb", &glb(&json, &bin), &options()), &changed);
+                judge(load(&json), &changed);
             }
         }
     }

@@ -281,15 +281,14 @@ fn equal_images_are_one_texture_and_unused_ones_are_not_read() {
     json["textures"] = json!([{"source": 0}, {"source": 1}, {"source": 2}]);
     json["materials"][0]["emissiveFactor"] = json!([1, 1, 1]);
     json["materials"][0]["emissiveTexture"] = json!({"index": 1});
-    // Modelled by nobody: neither read nor missed.
+    // Without effect: neither read nor missed.
     json["materials"][0]["occlusionTexture"] = json!({"index": 2});
-    json["materials"][0]["normalTexture"] = json!({"index": 2});
+    json["materials"][0]["normalTexture"] = json!({"index": 2, "scale": 0});
     push(&mut json["materials"], json!({"emissiveTexture": {"index": 2}, "emissiveFactor": [1, 1, 1]}));
     let scene = load_pair(&json, &bin).unwrap();
     assert_eq!(scene.textures.len(), 1);
     assert_eq!(scene.materials.len(), 1);
-    let features: Vec<_> = scene.unmodelled.iter().map(|u| u.feature.as_str()).collect();
-    assert_eq!(features, ["normalTexture"]);
+    assert!(scene.unmodelled.is_empty());
 }
 
 #[test]
@@ -308,7 +307,7 @@ fn sixteen_bit_images_are_reduced_and_grey_ones_widened() {
 }
 
 #[test]
-fn a_second_set_of_texture_coordinates_serves_where_all_textures_use_it() {
+fn textures_read_two_sets_of_texture_coordinates() {
     let (mut json, bin) = textured_square();
     json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1.into();
     let scene = load_pair(&json, &bin).unwrap();
@@ -316,9 +315,28 @@ fn a_second_set_of_texture_coordinates_serves_where_all_textures_use_it() {
     json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = 2.into();
     let scene = load_pair(&json, &bin).unwrap();
     assert!(scene.meshes[0].uvs.is_some() && scene.repairs.is_empty());
-    // A texture that wants another set than the first is left out and named.
+    assert!(scene.meshes[0].second_uvs.is_none());
+    // A texture that wants another set reads the second one; only a third set is left out and named.
     json["materials"][0]["emissiveFactor"] = json!([1, 1, 1]);
     json["materials"][0]["emissiveTexture"] = json!({"index": 0});
+    push(&mut json["accessors"], json!({"bufferView": 4, "componentType": 5126, "count": 4, "type": "VEC2"}));
+    let uvs = floats(&[0.0, 0.5, 0.25, f32::NAN, 1.0, 0.0, 0.0, 0.0]);
+    let view = json["bufferViews"].as_array().unwrap().len();
+    push(&mut json["bufferViews"], json!({"buffer": 0, "byteOffset": bin.len(), "byteLength": 32}));
+    let bin = [bin, uvs].concat();
+    json["buffers"][0]["byteLength"] = bin.len().into();
+    json["accessors"][4]["bufferView"] = view.into();
+    json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = 4.into();
+    let scene = load_pair(&json, &bin).unwrap();
+    let mesh = &scene.meshes[0];
+    assert_eq!(mesh.uvs.as_ref().unwrap()[1], [1.0, 1.0]);
+    assert_eq!(mesh.second_uvs.as_ref().unwrap()[..2], [[0.0, 0.5], [0.0, 0.0]]);
+    assert_eq!(repaired(&scene, "NaN texture coordinates"), 1);
+    assert!(scene.materials[0].emission.texture.unwrap().second_uvs);
+    assert!(!diffuse_texture(&scene).second_uvs);
+    assert!(scene.unmodelled.is_empty());
+    json["materials"][0]["pbrMetallicRoughness"]["metallicRoughnessTexture"] =
+        json!({"index": 0, "texCoord": 2});
     let scene = load_pair(&json, &bin).unwrap();
     assert!(scene.materials[0].emission.texture.is_none());
     assert!(scene.unmodelled[0].feature.starts_with("emissiveTexture"));
@@ -329,13 +347,13 @@ fn what_is_not_modelled_is_named_with_its_element() {
     let scene = load_changed(|json, _| {
         json["extensionsUsed"] =
             json!(["KHR_lights_punctual", "KHR_materials_sheen", "ACME_fog", "ACME_unused"]);
-        json["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "point"}]}});
+        json["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "point", "range": 3}]}});
         json["nodes"] = json!([{"mesh": 0, "skin": 0, "name": "Man", "extensions": {"ACME_fog": {}}},
             {"name": "Lamp", "extensions": {"KHR_lights_punctual": {"light": 0}}}]);
         json["scenes"][0]["nodes"] = json!([0, 1]);
         json["skins"] = json!([{"joints": [0]}]);
         json["animations"] = json!([{"name": "Walk", "channels": [], "samplers": []}]);
-        json["materials"][0]["extensions"] = json!({"KHR_materials_sheen": {}});
+        json["materials"][0]["extensions"] = json!({"KHR_materials_sheen": {"sheenColorFactor": [1, 0, 0]}});
         let primitive = &mut json["meshes"][0]["primitives"][0];
         primitive["attributes"]["COLOR_0"] = 1.into();
         primitive["targets"] = json!([{"POSITION": 0}]);
@@ -351,7 +369,7 @@ fn what_is_not_modelled_is_named_with_its_element() {
             "COLOR_0 @ meshes[0].primitives[0]",
             "morph targets @ meshes[0].primitives[0]",
             "KHR_materials_sheen @ materials[0] \"Paint\"",
-            "KHR_lights_punctual @ nodes[1] \"Lamp\"",
+            "range of a light @ extensions.KHR_lights_punctual.lights[0]",
         ]
     );
 }

@@ -132,9 +132,13 @@ pub(crate) fn check(scene: &Scene) {
         assert_eq!(texture.rgba.len(), 4 * texture.width as usize * texture.height as usize);
     }
     let mut names: Vec<_> = scene.objects.iter().map(|o| &o.name).collect();
+    names.extend(scene.lights.iter().map(|light| &light.name));
     names.sort();
     names.dedup();
-    assert_eq!(names.len(), scene.objects.len());
+    assert_eq!(names.len(), scene.objects.len() + scene.lights.len());
+    for light in &scene.lights {
+        assert!(light.intensity.iter().all(|c| c.is_finite() && *c >= 0.0));
+    }
 }
 
 /// The count of the repair that says `what`, 0 where there is none.
