@@ -33,7 +33,7 @@ use budget::Budget;
 use files::Folder;
 
 pub use error::{LoadError, Place};
-pub use options::LoadOptions;
+pub use options::{LoadOptions, SceneChoice};
 pub use scene::*;
 
 /// Loads a scene from a `.gltf`, `.glb` or `.obj` file, recognised by content and extension.

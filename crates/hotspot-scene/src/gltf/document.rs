@@ -24,6 +24,8 @@ pub(crate) struct Document<'a> {
     pub(crate) quantized: bool,
     /// `extras.environment` of each scene.
     pub(crate) environments: Vec<Option<Value>>,
+    /// The file's animations, mended; empty where they are not asked for.
+    pub(crate) animations: Vec<Value>,
     value: Value,
     folder: Option<&'a Folder>,
     bin: Option<&'a [u8]>,
@@ -53,14 +55,8 @@ impl<'a> Document<'a> {
             ));
         }
         super::extensions::note_unknown(&value, "", None, &["KHR_lights_punctual"], notes);
-        for (i, animation) in list("animations").enumerate() {
-            let name = animation.get("name").and_then(Value::as_str);
-            notes.unmodelled(
-                "animation",
-                &label(&format!("animations[{i}]"), name),
-                "everything is drawn at rest",
-            );
-        }
+        let animations = super::animation::take(&mut value, options, notes)?;
+        let list = |key: &str| value.get(key).and_then(Value::as_array).into_iter().flatten();
         let environments =
             list("scenes").map(|scene| scene.pointer("/extras/environment").cloned()).collect();
         schema::mend(&mut value)?;
@@ -68,7 +64,7 @@ impl<'a> Document<'a> {
         let quantized = root.extensions_used.iter().any(|used| used == "KHR_mesh_quantization");
         let buffers = root.buffers.iter().map(|_| OnceCell::new()).collect();
         let gltf = gltf::Document::from_json_without_validation(root);
-        Ok(Self { gltf, options, budget, quantized, environments, value, folder, bin, buffers })
+        Ok(Self { gltf, options, budget, quantized, environments, animations, value, folder, bin, buffers })
     }
 
     /// Numbers of an element of a top-level array as f64, which the crate keeps as f32. `key` may lead through several
@@ -80,6 +76,17 @@ impl<'a> Document<'a> {
             value => value.as_f64().map(|number| vec![number]),
         };
         numbers?.try_into().ok()
+    }
+
+    /// A member of an element of a top-level array. `key` may lead through several members: `extensions.ACME_fog`.
+    pub(crate) fn member(&self, array: &str, index: usize, key: &str) -> Option<&Value> {
+        let element = self.value.get(array)?.get(index)?;
+        key.split('.').try_fold(element, |value, key| value.get(key))
+    }
+
+    /// The element at a path such as `meshes[1].primitives[0]`.
+    pub(crate) fn at(&self, path: &str) -> Option<&Value> {
+        schema::at(&self.value, path)
     }
 
     /// Names the extensions on an element that have no effect here. `known` are those its reader takes care of.

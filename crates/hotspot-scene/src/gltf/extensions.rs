@@ -8,7 +8,8 @@ use crate::error::{Result, unsupported};
 use crate::notes::Notes;
 
 /// Extensions whose meaning reaches the scene.
-const MODELLED: [&str; 7] = [
+const MODELLED: [&str; 8] = [
+    "EXT_mesh_gpu_instancing",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_specular",
@@ -39,7 +40,6 @@ pub(crate) fn check_required(root: &Value) -> Result<()> {
             "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" | "MSFT_texture_dds" => {
                 "export the file again with PNG or JPEG textures"
             }
-            "EXT_mesh_gpu_instancing" => "export the file again with one node per copy",
             _ => "export the file again without it, or with it as optional",
         };
         return Err(unsupported(
@@ -59,7 +59,6 @@ pub(crate) fn note_unknown(value: &Value, path: &str, name: Option<&str>, known:
         }
         let effect = match extension {
             "KHR_lights_punctual" => "the light is left out",
-            "EXT_mesh_gpu_instancing" => "one copy is drawn instead of many",
             "KHR_materials_unlit" => "the surface is lit",
             "KHR_materials_variants" => "the default material is used",
             "KHR_materials_pbrSpecularGlossiness" => "the metallic-roughness values are used",

@@ -1,6 +1,8 @@
 //! Geometry, nodes, cameras and textures of well-formed glTF.
 
-use hotspot_scene::{Bsdf, Environment, LoadOptions, Projection, Scene, TextureRef, Wrap, load_glb_bytes};
+use hotspot_scene::{
+    Bsdf, Environment, LoadOptions, Projection, Scene, SceneChoice, TextureRef, Wrap, load_glb_bytes,
+};
 use serde_json::{Value, json};
 
 use crate::support::*;
@@ -204,7 +206,7 @@ fn scenes_are_chosen_and_the_others_named() {
     json["nodes"] = json!([{"mesh": 0, "name": "A"}, {"mesh": 0, "name": "B"}]);
     json["scenes"] = json!([{"nodes": [0]}, {"nodes": [1], "name": "Night"}]);
     let name = |json: &Value, scene| {
-        let options = LoadOptions { scene, ..Default::default() };
+        let options = LoadOptions { scene: scene.map(SceneChoice::Index), ..Default::default() };
         let scene = load_glb_bytes("test.glb", &glb(json, &bin), &options).unwrap();
         (scene.objects[0].name.clone(), scene.unmodelled.first().map(|u| u.effect.clone()))
     };
