@@ -55,7 +55,7 @@ impl<'d> Copies<'d> {
 
     /// The copies' transforms, relative to the node.
     pub(crate) fn transforms(&self, doc: &Document<'_>, notes: &mut Notes) -> Result<Vec<Affine>> {
-        doc.budget.charge(self.count as u64, size_of::<Affine>() as u64, &self.path)?;
+        doc.budget.charge(self.count as u64, 2 * size_of::<Affine>() as u64, &self.path)?;
         let read = |accessor: &Option<Accessor<'_>>, notes: &mut Notes| match accessor {
             Some(accessor) => accessor::vectors::<3>(doc, accessor, Kind::Value, notes),
             None => Ok(Vec::new()),

@@ -101,7 +101,8 @@ fn generate(mesh: &mut Mesh, second_uvs: bool) {
     if bevy_mikktspace::generate_tangents(&mut corners).is_err() {
         return;
     }
-    share(mesh, &corners.tangents.clone());
+    let tangents = corners.tangents;
+    share(mesh, &tangents);
 }
 
 /// A power of two that brings the largest number near 1. Tangents do not depend on the scale, but the generator multiplies
@@ -206,6 +207,164 @@ impl Geometry for Corners<'_> {
         });
         if let Some(slot) = self.tangents.get_mut(3 * face + vert) {
             *slot = tangent;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The unit square facing +z with an upright image: v goes down.
+    fn square() -> Mesh {
+        Mesh {
+            positions: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
+            normals: Some(vec![[0.0, 0.0, 1.0]; 4]),
+            uvs: Some(vec![[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..Mesh::default()
+        }
+    }
+
+    fn generated(mut mesh: Mesh, second_uvs: bool) -> (Mesh, u64) {
+        if mesh.normals.is_none() {
+            flatten(&mut mesh);
+        }
+        generate(&mut mesh, second_uvs);
+        let mut notes = Notes::default();
+        geometry::mend_tangents(&mut mesh, "m", &mut notes);
+        let repairs = notes.into_lists().1.iter().map(|repair| repair.count).sum();
+        for tangent in mesh.tangents.as_ref().unwrap() {
+            let [x, y, z, w] = tangent.map(f64::from);
+            assert!((x * x + y * y + z * z - 1.0).abs() < 1e-5 && w.abs() == 1.0, "{tangent:?}");
+        }
+        let count = mesh.positions.len();
+        assert_eq!(mesh.normals.as_ref().unwrap().len(), count);
+        assert_eq!(mesh.uvs.as_ref().unwrap().len(), count);
+        assert_eq!(mesh.tangents.as_ref().unwrap().len(), count);
+        assert!(mesh.triangles.iter().flatten().all(|i| (*i as usize) < count));
+        (mesh, repairs)
+    }
+
+    #[test]
+    fn tangents_point_right_and_bitangents_up_the_image() {
+        let (mesh, repairs) = generated(square(), false);
+        assert_eq!(mesh.tangents.unwrap(), [[1.0, 0.0, 0.0, 1.0]; 4]);
+        assert_eq!((mesh.positions.len(), repairs), (4, 0));
+        // The image turned by 90 degrees counter-clockwise: its right is the square's top.
+        let mut turned = square();
+        turned.uvs = Some(vec![[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]);
+        assert_eq!(generated(turned, false).0.tangents.unwrap(), [[0.0, 1.0, 0.0, 1.0]; 4]);
+    }
+
+    #[test]
+    fn the_second_coordinates_decide_where_the_map_reads_them() {
+        let mut mesh = square();
+        // Mirrored: the image's right is the square's left.
+        mesh.second_uvs = Some(vec![[1.0, 1.0], [0.0, 1.0], [0.0, 0.0], [1.0, 0.0]]);
+        assert_eq!(generated(mesh.clone(), false).0.tangents.unwrap()[0], [1.0, 0.0, 0.0, 1.0]);
+        assert_eq!(generated(mesh, true).0.tangents.unwrap(), [[-1.0, 0.0, 0.0, -1.0]; 4]);
+    }
+
+    #[test]
+    fn only_vertices_whose_corners_disagree_are_split() {
+        // Two squares side by side; the image is mirrored about the edge that they share.
+        let mut mesh = square();
+        mesh.positions.extend([[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]);
+        mesh.normals = Some(vec![[0.0, 0.0, 1.0]; 6]);
+        mesh.uvs.as_mut().unwrap().extend([[0.0, 1.0], [0.0, 0.0]]);
+        mesh.colors = Some((0..6).map(|i| [i as f32 / 6.0; 4]).collect());
+        mesh.triangles.extend([[1, 4, 5], [1, 5, 2]]);
+        let before = mesh.clone();
+        let (mesh, repairs) = generated(mesh, false);
+        assert_eq!((mesh.positions.len(), repairs), (8, 0));
+        let tangents = mesh.tangents.as_ref().unwrap();
+        for (t, (triangle, old)) in mesh.triangles.iter().zip(&before.triangles).enumerate() {
+            let wanted = if t < 2 { [1.0, 0.0, 0.0, 1.0] } else { [-1.0, 0.0, 0.0, -1.0] };
+            for (new, old) in triangle.iter().zip(old) {
+                let (new, old) = (*new as usize, *old as usize);
+                assert_eq!(tangents[new], wanted);
+                assert_eq!(mesh.positions[new], before.positions[old]);
+                assert_eq!(mesh.colors.as_ref().unwrap()[new], before.colors.as_ref().unwrap()[old]);
+            }
+        }
+    }
+
+    #[test]
+    fn without_normals_the_mesh_becomes_flat() {
+        let mut mesh = square();
+        mesh.normals = None;
+        // The second triangle is lifted, so that the two face different ways.
+        mesh.positions[3] = [0.0, 1.0, 1.0];
+        let (mesh, _) = generated(mesh, false);
+        assert_eq!(mesh.positions.len(), 6);
+        assert_eq!(mesh.triangles, [[0, 1, 2], [3, 4, 5]]);
+        let normals = mesh.normals.unwrap();
+        assert_eq!(normals[..3], [[0.0, 0.0, 1.0]; 3]);
+        let third = 1.0 / 3f32.sqrt();
+        // Corners (0,0,0), (1,1,0), (0,1,1): (1, -1, 1) / √3.
+        for (got, wanted) in normals[4].iter().zip([third, -third, third]) {
+            assert!((got - wanted).abs() < 1e-6);
+        }
+        assert_eq!(mesh.positions[5], [0.0, 1.0, 1.0]);
+        assert_eq!(mesh.uvs.unwrap()[5], [0.0, 0.0]);
+    }
+
+    #[test]
+    fn coordinates_without_area_get_some_tangent_and_a_note() {
+        let mut mesh = square();
+        mesh.uvs = Some(vec![[0.5, 0.5]; 4]);
+        let (mesh, repairs) = generated(mesh, false);
+        assert!(repairs > 0);
+        assert!(mesh.tangents.unwrap().iter().all(|[_, _, z, _]| z.abs() < 1e-6));
+    }
+
+    #[test]
+    fn the_scale_of_positions_and_coordinates_does_not_matter() {
+        for (position, uv) in [(1e-30f32, 1.0f32), (3e37, 1.0), (1.0, 1e-30), (1.0, 1e30), (1e-35, 1e35)] {
+            let mut mesh = square();
+            mesh.positions.iter_mut().flatten().for_each(|c| *c *= position);
+            mesh.uvs.iter_mut().flatten().flatten().for_each(|c| *c *= uv);
+            let (mesh, repairs) = generated(mesh, false);
+            assert_eq!(repairs, 0, "{position} {uv}");
+            for [x, _, _, w] in mesh.tangents.unwrap() {
+                assert!((x - 1.0).abs() < 1e-5 && w == 1.0, "{position} {uv}: {x} {w}");
+            }
+        }
+    }
+
+    /// Whatever the mesh, the generator answers.
+    #[test]
+    fn random_meshes_never_panic() {
+        let mut state = 7u64;
+        let mut random = move |bound: u64| {
+            state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+            let z = (state ^ (state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+            (z ^ (z >> 31)) % bound
+        };
+        let palette = [0.0f32, 1.0, -1.0, 0.5, 1e-30, 1e30, -3e38, 1e-45, f32::MIN_POSITIVE, 2.0];
+        for _ in 0..3000 {
+            let vertices = 3 + random(8);
+            let mut number = || palette[random(palette.len() as u64) as usize];
+            let positions: Vec<[f32; 3]> = (0..vertices).map(|_| [number(), number(), number()]).collect();
+            let uvs = (0..vertices).map(|_| [number(), number()]).collect();
+            let normals = (0..vertices).map(|_| [number(), number(), number()]).collect();
+            let triangles = (0..1 + random(12))
+                .map(|_| [random(vertices) as u32, random(vertices) as u32, random(vertices) as u32])
+                .collect();
+            let flat = random(2) == 0;
+            let mesh = Mesh {
+                positions,
+                uvs: Some(uvs),
+                normals: (!flat).then_some(normals),
+                triangles,
+                ..Mesh::default()
+            };
+            let mesh = geometry::clean(mesh, "m", &mut Notes::default());
+            if !mesh.triangles.is_empty() {
+                generated(mesh, false);
+            }
         }
     }
 }
