@@ -6,6 +6,7 @@ use std::cell::OnceCell;
 use gltf::buffer::{Source, View};
 use serde_json::Value;
 
+use super::meshopt::Compressed;
 use super::schema;
 use crate::budget::Budget;
 use crate::error::{REEXPORT, Result, invalid, limit, unsupported};
@@ -30,6 +31,8 @@ pub(crate) struct Document<'a> {
     folder: Option<&'a Folder>,
     bin: Option<&'a [u8]>,
     buffers: Vec<OnceCell<Cow<'a, [u8]>>>,
+    /// Compressed buffer views, once decoded.
+    views: Vec<OnceCell<Vec<u8>>>,
 }
 
 impl<'a> Document<'a> {
@@ -63,8 +66,21 @@ impl<'a> Document<'a> {
         let root = schema::interpret(&value, budget)?;
         let quantized = root.extensions_used.iter().any(|used| used == "KHR_mesh_quantization");
         let buffers = root.buffers.iter().map(|_| OnceCell::new()).collect();
+        let views = root.buffer_views.iter().map(|_| OnceCell::new()).collect();
         let gltf = gltf::Document::from_json_without_validation(root);
-        Ok(Self { gltf, options, budget, quantized, environments, animations, value, folder, bin, buffers })
+        Ok(Self {
+            gltf,
+            options,
+            budget,
+            quantized,
+            environments,
+            animations,
+            value,
+            folder,
+            bin,
+            buffers,
+            views,
+        })
     }
 
     /// Numbers of an element of a top-level array as f64, which the crate keeps as f32. `key` may lead through several
@@ -105,7 +121,7 @@ impl<'a> Document<'a> {
         files::read(&folder.demand(&name, element)?, self.options.max_file_bytes, self.budget, element)
     }
 
-    fn buffer(&self, buffer: &gltf::Buffer<'_>) -> Result<&[u8]> {
+    pub(crate) fn buffer(&self, buffer: &gltf::Buffer<'_>) -> Result<&[u8]> {
         let path = format!("buffers[{}]", buffer.index());
         let length = buffer.length();
         if length == 0 {
@@ -134,8 +150,19 @@ impl<'a> Document<'a> {
         })
     }
 
-    /// The bytes of a buffer view.
+    /// The bytes of a buffer view, decompressed where they are compressed.
     pub(crate) fn view(&self, view: &View<'_>) -> Result<&[u8]> {
+        if let (Some(compressed), Some(cell)) =
+            (Compressed::of(self, view.index()), self.views.get(view.index()))
+        {
+            return match cell.get() {
+                Some(bytes) => Ok(bytes),
+                None => {
+                    let bytes = compressed.decode(self)?;
+                    Ok(cell.get_or_init(|| bytes))
+                }
+            };
+        }
         let bytes = self.buffer(&view.buffer())?;
         let (offset, length) = (view.offset(), view.length());
         offset.checked_add(length).and_then(|end| bytes.get(offset..end)).ok_or_else(|| {

@@ -8,14 +8,16 @@ use crate::error::{Result, unsupported};
 use crate::notes::Notes;
 
 /// Extensions whose meaning reaches the scene.
-const MODELLED: [&str; 8] = [
+const MODELLED: [&str; 10] = [
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
     "KHR_texture_transform",
 ];
 
@@ -34,9 +36,7 @@ pub(crate) fn check_required(root: &Value) -> Result<()> {
             continue;
         }
         let remedy = match name {
-            "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-                "export the file again without mesh compression"
-            }
+            "KHR_draco_mesh_compression" => "export the file again without mesh compression",
             "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" | "MSFT_texture_dds" => {
                 "export the file again with PNG or JPEG textures"
             }

@@ -15,6 +15,7 @@ pub(crate) mod glb;
 mod graph;
 mod instancing;
 mod material;
+mod meshopt;
 mod morph;
 mod primitive;
 mod schema;

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use bevy_mikktspace::{Geometry, TangentSpace};
+use bevy_mikktspace::{Geometry, Ops, TangentSpace};
 use gltf::Semantic;
 
 use super::document::Document;
@@ -178,7 +178,20 @@ impl Corners<'_> {
     }
 }
 
-impl Geometry for Corners<'_> {
+/// The generator's mathematics: the same on all platforms.
+struct Portable;
+
+impl Ops for Portable {
+    fn sqrt(x: f32) -> f32 {
+        x.sqrt()
+    }
+
+    fn acos(x: f32) -> f32 {
+        libm::acos(f64::from(x)) as f32
+    }
+}
+
+impl Geometry<Portable> for Corners<'_> {
     fn num_faces(&self) -> usize {
         self.triangles.len()
     }
