@@ -4,6 +4,7 @@ mod gltf_animation;
 mod gltf_features;
 mod gltf_instancing;
 mod gltf_materials;
+mod gltf_meshopt;
 mod gltf_morph;
 mod gltf_skins;
 mod gltf_vertices;

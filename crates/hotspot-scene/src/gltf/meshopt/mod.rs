@@ -7,6 +7,8 @@ mod attributes;
 mod filters;
 mod indices;
 mod reader;
+#[cfg(test)]
+mod tests;
 
 use serde_json::Value;
 
