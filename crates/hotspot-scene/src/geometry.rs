@@ -27,12 +27,13 @@ pub(crate) fn clean(mut mesh: Mesh, element: &str, notes: &mut Notes) -> Mesh {
     }
     mend_normals(&mut mesh, element, notes);
     mend_uvs(&mut mesh, element, notes);
+    mend_tangents(&mut mesh, element, notes);
     mesh
 }
 
 /// Twice the area times the normal, in f64: differences of f32 numbers of like size are exact there, so that zero means
 /// zero. `None` when an index is out of range.
-fn cross(positions: &[[f32; 3]], triangle: [u32; 3]) -> Option<[f64; 3]> {
+pub(crate) fn cross(positions: &[[f32; 3]], triangle: [u32; 3]) -> Option<[f64; 3]> {
     let [a, b, c] = triangle.map(|i| positions.get(i as usize).map(|p| p.map(f64::from)));
     let (a, b, c) = (a?, b?, c?);
     let u = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
@@ -61,6 +62,8 @@ fn drop_unused_vertices(mesh: &mut Mesh) {
     mesh.normals = mesh.normals.as_deref().map(|n| pick(n, &kept));
     mesh.uvs = mesh.uvs.as_deref().map(|uv| pick(uv, &kept));
     mesh.second_uvs = mesh.second_uvs.as_deref().map(|uv| pick(uv, &kept));
+    mesh.colors = mesh.colors.as_deref().map(|c| pick(c, &kept));
+    mesh.tangents = mesh.tangents.as_deref().map(|t| pick(t, &kept));
 }
 
 /// Makes normals unit; replaces those that have no direction by the area-weighted geometric normal of the vertex.
@@ -98,7 +101,7 @@ fn mend_normals(mesh: &mut Mesh, element: &str, notes: &mut Notes) {
 
 /// `v` scaled to length 1, or `None` when it has no direction. Scaled by its largest component first, so that squares
 /// neither overflow nor vanish.
-fn unit(v: [f64; 3]) -> Option<[f32; 3]> {
+pub(crate) fn unit(v: [f64; 3]) -> Option<[f32; 3]> {
     let largest = v.iter().fold(0.0f64, |m, c| m.max(c.abs()));
     if !(largest > 0.0 && largest.is_finite() && v.iter().all(|c| c.is_finite())) {
         return None;
@@ -106,6 +109,34 @@ fn unit(v: [f64; 3]) -> Option<[f32; 3]> {
     let v = v.map(|c| c / largest);
     let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
     Some(v.map(|c| (c / length) as f32))
+}
+
+/// Makes tangents unit and their signs ±1; replaces those that have no direction by one across the normal.
+pub(crate) fn mend_tangents(mesh: &mut Mesh, element: &str, notes: &mut Notes) {
+    let (Some(tangents), Some(normals)) = (&mut mesh.tangents, &mesh.normals) else {
+        mesh.tangents = None;
+        return;
+    };
+    let (mut without, mut signs) = (0, 0);
+    for (tangent, normal) in tangents.iter_mut().zip(normals) {
+        let [x, y, z, w] = *tangent;
+        let direction = unit([x, y, z].map(f64::from));
+        without += u64::from(direction.is_none());
+        let [x, y, z] = direction.unwrap_or_else(|| across(*normal));
+        let sign = if w < 0.0 { -1.0 } else { 1.0 };
+        signs += u64::from(direction.is_some() && w != sign);
+        *tangent = [x, y, z, sign];
+    }
+    notes.repair("zero or NaN tangents replaced", element, without);
+    notes.repair("signs of tangents set to 1 or -1", element, signs);
+}
+
+/// A unit vector across a unit vector.
+fn across(normal: [f32; 3]) -> [f32; 3] {
+    let [x, y, z] = normal.map(f64::from);
+    // Away from the axis that the normal is closest to.
+    let across = if x.abs() < 0.7 { [0.0, z, -y] } else { [-z, 0.0, x] };
+    unit(across).unwrap_or([1.0, 0.0, 0.0])
 }
 
 fn mend_uvs(mesh: &mut Mesh, element: &str, notes: &mut Notes) {

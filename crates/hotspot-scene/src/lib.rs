@@ -36,7 +36,7 @@ use files::Folder;
 
 pub use environment::load_environment;
 pub use error::{LoadError, Place};
-pub use options::LoadOptions;
+pub use options::{LoadOptions, SceneChoice};
 pub use scene::*;
 
 /// Loads a scene from a `.gltf`, `.glb` or `.obj` file, recognised by content and extension.

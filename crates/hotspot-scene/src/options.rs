@@ -21,12 +21,21 @@ pub struct LoadOptions {
     /// Most placed primitives. Default 16 million.
     pub max_instances: u64,
     /// Which of a glTF file's scenes to load; `None` for the file's own default, else its first. OBJ ignores it.
-    pub scene: Option<usize>,
+    pub scene: Option<SceneChoice>,
     /// Point in time at which a glTF file's animations are shown, in seconds; `None` for rest.
     pub time: Option<f64>,
     /// Which of a glTF file's material variants to show, by name; `None` for the materials that primitives have by default.
     /// OBJ ignores it.
     pub variant: Option<String>,
+}
+
+/// One of a file's scenes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SceneChoice {
+    /// By its place in the file, from 0.
+    Index(usize),
+    /// By its name; the first of those that bear it.
+    Name(String),
 }
 
 impl Default for LoadOptions {

@@ -6,6 +6,7 @@
 use std::array;
 
 use gltf::Accessor;
+use gltf::accessor::sparse::Sparse;
 use gltf::accessor::util::{Item, ItemIter, SparseIndicesIter};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::buffer::View;
@@ -23,6 +24,16 @@ pub(crate) enum Kind {
     Vector,
     /// Texture coordinates: floats or normalised unsigned integers; any integers under KHR_mesh_quantization.
     Uv,
+    /// Differences that morph targets add: as [`Kind::Vector`]; zeros where the accessor has no data.
+    Delta,
+    /// Vertex colours and the weights of joints: floats or normalised unsigned integers.
+    Share,
+    /// Numbers of joints: unsigned integers, not normalised.
+    Joint,
+    /// Values of animations and placements of copies: floats or normalised integers.
+    Value,
+    /// Points in time and matrices: floats.
+    Float,
 }
 
 /// An accessor as vectors of `N` floats. May hold NaN and infinity, as the file does.
@@ -35,11 +46,15 @@ pub(crate) fn vectors<const N: usize>(
     let path = path(accessor);
     let (data, normalized) = (accessor.data_type(), accessor.normalized());
     check_type(accessor, N)?;
-    let allowed = match data {
-        DataType::F32 => !normalized,
-        DataType::U32 => false,
-        DataType::U8 | DataType::U16 if kind == Kind::Uv && normalized => true,
-        _ => doc.quantized,
+    let unsigned = matches!(data, DataType::U8 | DataType::U16);
+    let allowed = match (data, kind) {
+        (DataType::F32, _) => !normalized && kind != Kind::Joint,
+        (DataType::U32, _) | (_, Kind::Float) => false,
+        (_, Kind::Joint) => unsigned && !normalized,
+        (_, Kind::Share) => unsigned && normalized,
+        (_, Kind::Value) => normalized,
+        (_, Kind::Uv) if unsigned && normalized => true,
+        (_, Kind::Vector | Kind::Uv | Kind::Delta) => doc.quantized,
     };
     if !allowed {
         return Err(wrong(&path, "componentType", format!("vectors of {N} are not stored as this here")));
@@ -50,25 +65,18 @@ pub(crate) fn vectors<const N: usize>(
     let sparse = accessor.sparse();
     match accessor.view() {
         Some(view) => {
-            let place = Place {
-                path: &path,
-                offset: accessor.offset(),
-                item: data.size() * N,
-                alignment: data.size(),
-            };
+            let item = data.size() * N;
+            let place = Place { path: &path, offset: accessor.offset(), item, alignment: data.size() };
             place.items(doc, &view, count, notes)?.vectors(data, normalized, &mut out);
         }
         // Zeros, for `sparse` to fill in.
-        None if sparse.is_some() => out.resize(count, [0.0; N]),
+        None if sparse.is_some() || kind == Kind::Delta => out.resize(count, [0.0; N]),
         None => return Err(wrong(&path, "bufferView", "this is missing, so the accessor has no data")),
     }
     if let Some(sparse) = sparse {
         let number = sparse.count();
         announce(doc, number, 4 + 4 * N as u64, &format!("{path}.sparse"))?;
-        let (indices, path_of) = (sparse.indices(), format!("{path}.sparse.indices"));
-        let size = indices.index_type().size();
-        let place = Place { path: &path_of, offset: indices.offset(), item: size, alignment: size };
-        let places = place.items(doc, &indices.view(), number, notes)?.indices(count, &path_of)?;
+        let places = sparse_places(doc, &sparse, count, &path, notes)?;
         let (values, path_of) = (sparse.values(), format!("{path}.sparse.values"));
         let place =
             Place { path: &path_of, offset: values.offset(), item: data.size() * N, alignment: data.size() };
@@ -92,19 +100,56 @@ pub(crate) fn indices(
 ) -> Result<Vec<u32>> {
     let path = path(accessor);
     check_type(accessor, 1)?;
-    if accessor.sparse().is_some() {
-        return Err(wrong(&path, "sparse", "sparse indices are not supported"));
-    }
     let data = accessor.data_type();
     if !matches!(data, DataType::U8 | DataType::U16 | DataType::U32) {
         return Err(wrong(&path, "componentType", "indices must be unsigned integers (5121, 5123 or 5125)"));
     }
-    announce(doc, accessor.count(), 4, &path)?;
-    let Some(view) = accessor.view() else {
-        return Err(wrong(&path, "bufferView", "this is missing, so the accessor has no data"));
+    let count = accessor.count();
+    announce(doc, count, 4, &path)?;
+    let sparse = accessor.sparse();
+    let mut out = match accessor.view() {
+        Some(view) => {
+            let place =
+                Place { path: &path, offset: accessor.offset(), item: data.size(), alignment: data.size() };
+            place.items(doc, &view, count, notes)?.indices(vertices, &path)?
+        }
+        // Zeros, for `sparse` to fill in.
+        None if sparse.is_some() && (vertices > 0 || count == 0) => {
+            let mut zeros = room_for(count, &path)?;
+            zeros.resize(count, 0);
+            zeros
+        }
+        None => return Err(wrong(&path, "bufferView", "this is missing, so the accessor has no data")),
     };
-    let place = Place { path: &path, offset: accessor.offset(), item: data.size(), alignment: data.size() };
-    place.items(doc, &view, accessor.count(), notes)?.indices(vertices, &path)
+    if let Some(sparse) = sparse {
+        let number = sparse.count();
+        announce(doc, number, 8, &format!("{path}.sparse"))?;
+        let places = sparse_places(doc, &sparse, count, &path, notes)?;
+        let (values, path_of) = (sparse.values(), format!("{path}.sparse.values"));
+        let place =
+            Place { path: &path_of, offset: values.offset(), item: data.size(), alignment: data.size() };
+        let new = place.items(doc, &values.view(), number, notes)?.indices(vertices, &path_of)?;
+        for (place, item) in places.into_iter().zip(new) {
+            if let Some(slot) = out.get_mut(place as usize) {
+                *slot = item;
+            }
+        }
+    }
+    Ok(out)
+}
+
+/// Which of an accessor's `count` items its sparse part replaces.
+fn sparse_places(
+    doc: &Document<'_>,
+    sparse: &Sparse<'_>,
+    count: usize,
+    path: &str,
+    notes: &mut Notes,
+) -> Result<Vec<u32>> {
+    let (indices, path) = (sparse.indices(), format!("{path}.sparse.indices"));
+    let size = indices.index_type().size();
+    let place = Place { path: &path, offset: indices.offset(), item: size, alignment: size };
+    place.items(doc, &indices.view(), sparse.count(), notes)?.indices(count, &path)
 }
 
 fn path(accessor: &Accessor<'_>) -> String {
@@ -119,7 +164,9 @@ fn check_type(accessor: &Accessor<'_>, components: usize) -> Result<()> {
     let (wanted, name) = match components {
         1 => (Dimensions::Scalar, "SCALAR"),
         2 => (Dimensions::Vec2, "VEC2"),
-        _ => (Dimensions::Vec3, "VEC3"),
+        3 => (Dimensions::Vec3, "VEC3"),
+        4 => (Dimensions::Vec4, "VEC4"),
+        _ => (Dimensions::Mat4, "MAT4"),
     };
     match accessor.dimensions() {
         found if found == wanted => Ok(()),

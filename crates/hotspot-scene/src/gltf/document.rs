@@ -6,6 +6,7 @@ use std::cell::OnceCell;
 use gltf::buffer::{Source, View};
 use serde_json::Value;
 
+use super::meshopt::Compressed;
 use super::schema;
 use crate::budget::Budget;
 use crate::error::{REEXPORT, Result, invalid, limit, unsupported};
@@ -24,10 +25,14 @@ pub(crate) struct Document<'a> {
     pub(crate) quantized: bool,
     /// `extras.environment` of each scene.
     pub(crate) environments: Vec<Option<Value>>,
+    /// The file's animations, mended; empty where they are not asked for.
+    pub(crate) animations: Vec<Value>,
     value: Value,
     folder: Option<&'a Folder>,
     bin: Option<&'a [u8]>,
     buffers: Vec<OnceCell<Cow<'a, [u8]>>>,
+    /// Compressed buffer views, once decoded.
+    views: Vec<OnceCell<Vec<u8>>>,
 }
 
 impl<'a> Document<'a> {
@@ -53,22 +58,29 @@ impl<'a> Document<'a> {
             ));
         }
         super::extensions::note_unknown(&value, "", None, &[], notes);
-        for (i, animation) in list("animations").enumerate() {
-            let name = animation.get("name").and_then(Value::as_str);
-            notes.unmodelled(
-                "animation",
-                &label(&format!("animations[{i}]"), name),
-                "everything is drawn at rest",
-            );
-        }
+        let animations = super::animation::take(&mut value, options, notes)?;
+        let list = |key: &str| value.get(key).and_then(Value::as_array).into_iter().flatten();
         let environments =
             list("scenes").map(|scene| scene.pointer("/extras/environment").cloned()).collect();
         schema::mend(&mut value)?;
         let root = schema::interpret(&value, budget)?;
         let quantized = root.extensions_used.iter().any(|used| used == "KHR_mesh_quantization");
         let buffers = root.buffers.iter().map(|_| OnceCell::new()).collect();
+        let views = root.buffer_views.iter().map(|_| OnceCell::new()).collect();
         let gltf = gltf::Document::from_json_without_validation(root);
-        Ok(Self { gltf, options, budget, quantized, environments, value, folder, bin, buffers })
+        Ok(Self {
+            gltf,
+            options,
+            budget,
+            quantized,
+            environments,
+            animations,
+            value,
+            folder,
+            bin,
+            buffers,
+            views,
+        })
     }
 
     /// Numbers of an element of a top-level array as f64, which the crate keeps as f32. `key` may lead through several
@@ -93,6 +105,17 @@ impl<'a> Document<'a> {
         required.into_iter().flatten().any(|name| name.as_str() == Some(extension))
     }
 
+    /// A member of an element of a top-level array. `key` may lead through several members: `extensions.ACME_fog`.
+    pub(crate) fn member(&self, array: &str, index: usize, key: &str) -> Option<&Value> {
+        let element = self.value.get(array)?.get(index)?;
+        key.split('.').try_fold(element, |value, key| value.get(key))
+    }
+
+    /// The element at a path such as `meshes[1].primitives[0]`.
+    pub(crate) fn at(&self, path: &str) -> Option<&Value> {
+        schema::at(&self.value, path)
+    }
+
     /// Names the extensions on an element that have no effect here. `known` are those its reader takes care of.
     pub(crate) fn note_unknown(&self, path: &str, name: Option<&str>, known: &[&str], notes: &mut Notes) {
         super::extensions::note_unknown(&self.value, path, name, known, notes);
@@ -109,7 +132,7 @@ impl<'a> Document<'a> {
         files::read(&folder.demand(&name, element)?, self.options.max_file_bytes, self.budget, element)
     }
 
-    fn buffer(&self, buffer: &gltf::Buffer<'_>) -> Result<&[u8]> {
+    pub(crate) fn buffer(&self, buffer: &gltf::Buffer<'_>) -> Result<&[u8]> {
         let path = format!("buffers[{}]", buffer.index());
         let length = buffer.length();
         if length == 0 {
@@ -138,8 +161,19 @@ impl<'a> Document<'a> {
         })
     }
 
-    /// The bytes of a buffer view.
+    /// The bytes of a buffer view, decompressed where they are compressed.
     pub(crate) fn view(&self, view: &View<'_>) -> Result<&[u8]> {
+        if let (Some(compressed), Some(cell)) =
+            (Compressed::of(self, view.index()), self.views.get(view.index()))
+        {
+            return match cell.get() {
+                Some(bytes) => Ok(bytes),
+                None => {
+                    let bytes = compressed.decode(self)?;
+                    Ok(cell.get_or_init(|| bytes))
+                }
+            };
+        }
         let bytes = self.buffer(&view.buffer())?;
         let (offset, length) = (view.offset(), view.length());
         offset.checked_add(length).and_then(|end| bytes.get(offset..end)).ok_or_else(|| {

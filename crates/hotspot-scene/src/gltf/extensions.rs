@@ -9,7 +9,9 @@ use crate::error::{Result, unsupported};
 use crate::notes::Notes;
 
 /// Extensions whose meaning reaches the scene.
-const MODELLED: [&str; 12] = [
+const MODELLED: [&str; 15] = [
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
@@ -21,6 +23,7 @@ const MODELLED: [&str; 12] = [
     "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
     "KHR_texture_transform",
 ];
 
@@ -46,10 +49,7 @@ pub(crate) fn check_required(root: &Value) -> Result<()> {
             continue;
         }
         let remedy = match name {
-            "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-                "export the file again without mesh compression"
-            }
-            "EXT_mesh_gpu_instancing" => "export the file again with one node per copy",
+            "KHR_draco_mesh_compression" => "export the file again without mesh compression",
             _ => "export the file again without it, or with it as optional",
         };
         return Err(unsupported(
@@ -68,7 +68,6 @@ pub(crate) fn note_unknown(value: &Value, path: &str, name: Option<&str>, known:
             continue;
         }
         let effect = match extension {
-            "EXT_mesh_gpu_instancing" => "one copy is drawn instead of many",
             "EXT_lights_image_based" => {
                 "the file's own environment map lights nothing; its rotation and intensity are not read either"
             }

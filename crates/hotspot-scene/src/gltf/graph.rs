@@ -4,6 +4,7 @@
 
 use gltf::Node;
 
+use super::animation::Poses;
 use super::document::Document;
 use crate::error::{REEXPORT, Result, invalid};
 use crate::notes::Notes;
@@ -11,7 +12,7 @@ use crate::notes::Notes;
 /// Rows of a 3×4 affine matrix.
 pub(crate) type Affine = [[f64; 4]; 3];
 
-const IDENTITY: Affine = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+pub(crate) const IDENTITY: Affine = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 /// A node that the scene reaches.
 pub(crate) struct Placed {
@@ -19,9 +20,23 @@ pub(crate) struct Placed {
     pub(crate) to_world: Affine,
 }
 
+impl Placed {
+    /// World transforms of copies whose transforms are relative to the node.
+    pub(crate) fn copies(&self, copies: &[Affine]) -> Result<Vec<Affine>> {
+        let to_world: Vec<Affine> = copies.iter().map(|copy| multiply(&self.to_world, copy)).collect();
+        if to_world.iter().flatten().flatten().all(|c| c.is_finite()) {
+            Ok(to_world)
+        } else {
+            let path = format!("nodes[{}]", self.node);
+            Err(invalid(path, "the transform of a copy overflows", REEXPORT))
+        }
+    }
+}
+
 /// All nodes below `roots`, parents before children, in file order.
 pub(crate) fn walk(
     doc: &Document<'_>,
+    poses: &Poses,
     roots: &[usize],
     roots_path: &str,
     notes: &mut Notes,
@@ -34,7 +49,7 @@ pub(crate) fn walk(
     push(&mut stack, &mut seen, roots, IDENTITY, roots_path)?;
     while let Some(Placed { node, to_world: parent }) = stack.pop() {
         let Some(element) = doc.gltf.nodes().nth(node) else { continue };
-        let to_world = multiply(&parent, &local(doc, &element, notes));
+        let to_world = multiply(&parent, &local(doc, poses, &element, notes));
         if !to_world.iter().flatten().all(|c| c.is_finite()) {
             return Err(invalid(format!("nodes[{node}]"), "the transform of the node overflows", REEXPORT));
         }
@@ -91,19 +106,30 @@ pub(crate) fn roots(doc: &Document<'_>) -> Result<Vec<usize>> {
     Ok(roots)
 }
 
-/// The node's own transform, in f64: the crate rounds to f32, which adds up down the tree.
-fn local(doc: &Document<'_>, node: &Node<'_>, notes: &mut Notes) -> Affine {
+/// The node's own transform, in f64 (the crate rounds to f32, which adds up down the tree), at the chosen point in time.
+pub(crate) fn local(doc: &Document<'_>, poses: &Poses, node: &Node<'_>, notes: &mut Notes) -> Affine {
     let index = node.index();
+    let pose = poses.of(index);
     if let Some(m) = doc.exact::<16>("nodes", index, "matrix") {
         let [a, b, c, d] = [0, 4, 8, 12].map(|i| [m[i], m[i + 1], m[i + 2], m[i + 3]]);
         let affine = [a[3], b[3], c[3], d[3]] == [0.0, 0.0, 0.0, 1.0];
         let path = format!("nodes[{index}].matrix");
         notes.repair("projective part of a matrix ignored", &path, u64::from(!affine));
+        notes.repair("animation of a node with a matrix ignored", &path, u64::from(pose.moves()));
         return [0, 1, 2].map(|row| [a[row], b[row], c[row], d[row]]);
     }
-    let translation = doc.exact::<3>("nodes", index, "translation").unwrap_or([0.0; 3]);
-    let scale = doc.exact::<3>("nodes", index, "scale").unwrap_or([1.0; 3]);
-    let [x, y, z, w] = rotation(doc.exact("nodes", index, "rotation"), index, notes);
+    let translation =
+        pose.translation.or_else(|| doc.exact("nodes", index, "translation")).unwrap_or([0.0; 3]);
+    let scale = pose.scale.or_else(|| doc.exact("nodes", index, "scale")).unwrap_or([1.0; 3]);
+    let rotation = match pose.rotation {
+        Some(rotation) => rotation,
+        None => rotation(doc.exact("nodes", index, "rotation"), index, notes),
+    };
+    compose(translation, rotation, scale)
+}
+
+/// The matrix that scales, then rotates by a unit quaternion, then translates.
+pub(crate) fn compose(translation: [f64; 3], [x, y, z, w]: [f64; 4], scale: [f64; 3]) -> Affine {
     let rows = [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
         [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
@@ -131,7 +157,7 @@ fn rotation(stated: Option<[f64; 4]>, node: usize, notes: &mut Notes) -> [f64; 4
 }
 
 /// `a * b`: first b, then a.
-fn multiply(a: &Affine, b: &Affine) -> Affine {
+pub(crate) fn multiply(a: &Affine, b: &Affine) -> Affine {
     a.map(|row| {
         let mut out = [0.0, 0.0, 0.0, row[3]];
         for (factor, other) in row.iter().zip(b) {

@@ -5,25 +5,38 @@
 //! mending the JSON before the crate sees it (`schema`); transforms and lenses in f64, which it rounds to f32.
 
 mod accessor;
+mod animation;
 mod camera;
+mod colors;
+mod deform;
 mod document;
 mod extensions;
 pub(crate) mod glb;
 mod graph;
+mod instancing;
 mod light;
 mod material;
 mod member;
+mod meshopt;
+mod morph;
 mod primitive;
 mod schema;
+mod skin;
 mod specular_glossiness;
+mod tangents;
 mod texture;
 mod variant;
 
 use std::collections::HashMap;
 
+use animation::Poses;
+use deform::Deformation;
 use document::{Document, label};
 use graph::Placed;
+use instancing::Copies;
 use primitive::Sources;
+use skin::Skins;
+use tangents::TangentSources;
 use texture::Textures;
 
 use crate::budget::Budget;
@@ -31,7 +44,7 @@ use crate::error::{REEXPORT, Result, invalid, limit};
 use crate::files::Folder;
 use crate::images::Images;
 use crate::notes::{Names, Notes};
-use crate::options::LoadOptions;
+use crate::options::{LoadOptions, SceneChoice};
 use crate::scene::{Environment, Instance, Light, Material, Mesh, Object, Scene};
 
 /// Loads a GLB file (recognised by its magic or when `container` says so) or JSON.
@@ -74,7 +87,10 @@ struct Loader<'d, 'a> {
     /// By index in the file; `None` is the default material.
     materials: HashMap<Option<usize>, MaterialUse>,
     /// `None` for those without triangles.
-    meshes: HashMap<Sources, Option<u32>>,
+    meshes: HashMap<(Sources, Option<deform::Key>), Option<u32>>,
+    poses: Poses,
+    /// Present where a node of the scene has a skin.
+    skins: Option<Skins>,
     object_names: Names,
     material_names: Names,
     camera_names: Names,
@@ -92,6 +108,8 @@ impl<'d, 'a> Loader<'d, 'a> {
             variant: None,
             materials: HashMap::new(),
             meshes: HashMap::new(),
+            poses: Poses::default(),
+            skins: None,
             object_names: Names::default(),
             material_names: Names::default(),
             camera_names: Names::default(),
@@ -123,17 +141,13 @@ impl<'d, 'a> Loader<'d, 'a> {
     fn scene(&mut self) -> Result<()> {
         let doc = self.doc;
         let count = doc.gltf.scenes().len();
-        let chosen = match doc.options.scene {
-            Some(index) if index >= count => {
-                return Err(invalid(
-                    "scenes",
-                    format!("scene {index} is asked for, the file has {count}"),
-                    "choose one of them",
-                ));
-            }
-            Some(index) => doc.gltf.scenes().nth(index),
+        let chosen = match &doc.options.scene {
+            Some(choice) => Some(self.chosen_scene(choice)?),
             None => doc.gltf.default_scene().or_else(|| doc.gltf.scenes().next()),
         };
+        if let Some(time) = doc.options.time {
+            self.poses = animation::poses(doc, time, &mut self.notes)?;
+        }
         let placed = match chosen {
             Some(scene) => {
                 let path = format!("scenes[{}]", scene.index());
@@ -144,10 +158,14 @@ impl<'d, 'a> Loader<'d, 'a> {
                 doc.note_unknown(&path, scene.name(), &[], &mut self.notes);
                 self.environment(scene.index())?;
                 let roots: Vec<usize> = scene.nodes().map(|node| node.index()).collect();
-                graph::walk(doc, &roots, &format!("{path}.nodes"), &mut self.notes)?
+                graph::walk(doc, &self.poses, &roots, &format!("{path}.nodes"), &mut self.notes)?
             }
-            None => graph::walk(doc, &graph::roots(doc)?, "nodes", &mut self.notes)?,
+            None => graph::walk(doc, &self.poses, &graph::roots(doc)?, "nodes", &mut self.notes)?,
         };
+        let skinned = |placed: &Placed| doc.gltf.nodes().nth(placed.node).is_some_and(|n| n.skin().is_some());
+        if placed.iter().any(skinned) {
+            self.skins = Some(Skins::new(doc, &placed)?);
+        }
         for placed in &placed {
             self.node(placed)?;
             self.light(placed)?;
@@ -172,8 +190,8 @@ impl<'d, 'a> Loader<'d, 'a> {
     }
 
     /// Counts primitives and lights against the limit, before they are looked at: also those that give nothing take time.
-    fn place(&mut self, count: usize) -> Result<()> {
-        self.placed = self.placed.saturating_add(count as u64);
+    fn place(&mut self, count: u64) -> Result<()> {
+        self.placed = self.placed.saturating_add(count);
         if self.placed > self.doc.options.max_instances {
             return Err(limit(
                 "nodes",
@@ -185,6 +203,22 @@ impl<'d, 'a> Loader<'d, 'a> {
             ));
         }
         Ok(())
+    }
+
+    fn chosen_scene(&self, choice: &SceneChoice) -> Result<gltf::Scene<'d>> {
+        let scenes = self.doc.gltf.scenes();
+        let (found, asked) = match choice {
+            SceneChoice::Index(index) => (scenes.clone().nth(*index), format!("scene {index}")),
+            SceneChoice::Name(name) => {
+                (scenes.clone().find(|scene| scene.name() == Some(name)), format!("the scene \"{name}\""))
+            }
+        };
+        found.ok_or_else(|| {
+            let list: Vec<String> =
+                scenes.map(|scene| label(&scene.index().to_string(), scene.name())).collect();
+            let list = if list.is_empty() { "none".into() } else { list.join(", ") };
+            invalid("scenes", format!("{asked} is asked for, the file has {list}"), "choose one of them")
+        })
     }
 
     /// Our convention for a constant environment: `extras.environment.constant = [R, G, B]`.
@@ -216,31 +250,59 @@ impl<'d, 'a> Loader<'d, 'a> {
         let doc = self.doc;
         let Some(node) = doc.gltf.nodes().nth(placed.node) else { return Ok(()) };
         let path = format!("nodes[{}]", placed.node);
-        doc.note_unknown(&path, node.name(), &[], &mut self.notes);
+        doc.note_unknown(&path, node.name(), &[instancing::NAME], &mut self.notes);
         if let Some(mut camera) = camera::read(doc, &node, &placed.to_world, &mut self.notes)? {
             camera.name = self.camera_names.unique(&camera.name);
             self.scene.cameras.push(camera);
         }
         let Some(mesh) = node.mesh() else { return Ok(()) };
-        if node.skin().is_some() {
-            let effect = "the mesh is drawn unbent, where its node stands";
-            self.notes.unmodelled("skin", &label(&path, node.name()), effect);
+        let animated = self.poses.of(placed.node).weights.as_deref();
+        let mut deformation =
+            Deformation { weights: morph::weights(doc, placed.node, mesh.index(), animated), skin: None };
+        if let (Some(skin), Some(skins)) = (node.skin(), &mut self.skins) {
+            deformation.skin = Some(skins.get(doc, &self.poses, skin.index(), &mut self.notes)?);
         }
+        let mut copies = Copies::of(doc, placed.node)?;
+        if copies.is_some() && deformation.skin.is_some() {
+            let effect = "the skin alone places the mesh, once";
+            self.notes.unmodelled(instancing::NAME, &label(&path, node.name()), effect);
+            copies = None;
+        }
+        let number = copies.as_ref().map_or(1, |copies| copies.count as u64);
         let path = format!("meshes[{}]", mesh.index());
         doc.note_unknown(&path, mesh.name(), &[], &mut self.notes);
         let primitives = mesh.primitives();
         if primitives.len() == 0 {
             self.notes.repair("mesh without primitives dropped", &path, 1);
         }
-        self.place(primitives.len())?;
+        self.place(number.saturating_mul(primitives.len() as u64))?;
+        let to_world = match &copies {
+            Some(copies) => placed.copies(&copies.transforms(doc, &mut self.notes)?)?,
+            None => vec![placed.to_world],
+        };
         let mut object = None;
         for primitive in primitives {
-            let Some((mesh_index, material)) = self.primitive(&mesh, &primitive)? else { continue };
+            let unbound = Deformation { skin: None, ..deformation.clone() };
+            let bound = deformation.skin.is_some() && skin::is_bound(&primitive);
+            if deformation.skin.is_some() && !bound {
+                let path = format!("{path}.primitives[{}]", primitive.index());
+                self.notes.repair("no JOINTS_0: drawn unbent, where the node stands", &path, 1);
+            }
+            let (to_world, deformation) =
+                if bound { (&[graph::IDENTITY][..], &deformation) } else { (&to_world[..], &unbound) };
+            let Some((mesh_index, material)) = self.primitive(&node, &mesh, &primitive, deformation)? else {
+                continue;
+            };
+            if to_world.is_empty() {
+                continue;
+            }
             let object = match object {
                 Some(object) => object,
                 None => *object.insert(self.object(&node, &mesh)?),
             };
-            self.instance(Instance { object, mesh: mesh_index, material, to_world: placed.to_world })?;
+            for to_world in to_world {
+                self.instance(Instance { object, mesh: mesh_index, material, to_world: *to_world })?;
+            }
         }
         Ok(())
     }
@@ -264,8 +326,10 @@ impl<'d, 'a> Loader<'d, 'a> {
     /// Mesh and material of a primitive; `None` where it has no triangles.
     fn primitive(
         &mut self,
+        node: &gltf::Node<'_>,
         mesh: &gltf::Mesh<'_>,
         primitive: &gltf::Primitive<'_>,
+        deformation: &Deformation,
     ) -> Result<Option<(u32, u32)>> {
         let path = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
         self.doc.note_unknown(&path, None, &[], &mut self.notes);
@@ -277,10 +341,14 @@ impl<'d, 'a> Loader<'d, 'a> {
         let chosen = variant::material(self.doc, self.variant, mesh.index(), primitive.index())?;
         let chosen = chosen.and_then(|index| self.doc.gltf.materials().nth(index));
         let material = self.material(chosen.as_ref().unwrap_or(&own), &path)?;
-        let Some(sources) = Sources::of(primitive, &path, material.uv_sets, &mut self.notes) else {
+        let Some(mut sources) = Sources::of(primitive, &path, material.uv_sets, &mut self.notes) else {
             return Ok(None);
         };
-        if let Some(known) = self.meshes.get(&sources) {
+        let normal_map = self.scene.materials.get(material.index as usize).and_then(|m| m.normal_map);
+        sources.tangents = normal_map.map(|map| TangentSources::of(primitive, map.texture.second_uvs));
+        let bent = deformation.key(mesh.index(), primitive.index());
+        let key = (sources, bent);
+        if let Some(known) = self.meshes.get(&key) {
             return Ok(known.map(|index| (index, material.index)));
         }
         let name = match (mesh.name(), primitive.index()) {
@@ -288,14 +356,20 @@ impl<'d, 'a> Loader<'d, 'a> {
             (Some(name), number) => format!("{name} part {}", number + 1),
             (None, _) => path.clone(),
         };
-        let index = match sources.read(self.doc, name, &path, &mut self.notes)? {
+        let name = match (&key.1, node.name()) {
+            (None, _) => name,
+            (Some(_), Some(node)) => format!("{name} of {node}"),
+            (Some(_), None) => format!("{name} of nodes[{}]", node.index()),
+        };
+        let read = sources.read(self.doc, primitive, deformation, name, &path, &mut self.notes)?;
+        let index = match read {
             Some(read) => {
                 self.scene.meshes.push(read);
                 Some(index_of_last(self.scene.meshes.len(), "meshes")?)
             }
             None => None,
         };
-        self.meshes.insert(sources, index);
+        self.meshes.insert(key, index);
         Ok(index.map(|index| (index, material.index)))
     }
 

@@ -4,7 +4,10 @@ use gltf::Semantic;
 use gltf::mesh::Mode;
 
 use super::accessor::{self, Kind};
+use super::colors;
+use super::deform::{self, Deformation, Vertices};
 use super::document::Document;
+use super::tangents::{self, TangentSources};
 use crate::error::{Result, limit};
 use crate::geometry;
 use crate::notes::Notes;
@@ -19,6 +22,9 @@ pub(crate) struct Sources {
     second_uvs: Option<usize>,
     indices: Option<usize>,
     shape: Shape,
+    colors: Option<usize>,
+    /// Set where the material has a normal map.
+    pub(crate) tangents: Option<TangentSources>,
 }
 
 /// How vertices form triangles.
@@ -63,20 +69,18 @@ impl Sources {
             }
             found
         });
-        if find(Semantic::Colors(0)).is_some() {
-            notes.unmodelled("COLOR_0", path, "the vertices' colours are left out");
-        }
-        if primitive.morph_targets().len() > 0 {
-            notes.unmodelled("morph targets", path, "the base shape is drawn");
-        }
+        let colors = find(Semantic::Colors(0));
         let indices = primitive.indices().map(|accessor| accessor.index());
-        Some(Self { positions, normals: find(Semantic::Normals), uvs, second_uvs, indices, shape })
+        let normals = find(Semantic::Normals);
+        Some(Self { positions, normals, uvs, second_uvs, indices, shape, colors, tangents: None })
     }
 
-    /// Reads and cleans the mesh; `None` where no triangle is left (noted).
+    /// Reads, bends and cleans the mesh; `None` where no triangle is left (noted).
     pub(crate) fn read(
         &self,
         doc: &Document<'_>,
+        primitive: &gltf::Primitive<'_>,
+        deformation: &Deformation,
         name: String,
         path: &str,
         notes: &mut Notes,
@@ -94,10 +98,20 @@ impl Sources {
             None => Ok(None),
         };
         let (uvs, second_uvs) = (read_uvs(self.uvs)?, read_uvs(self.second_uvs)?);
+        let colors = match at(self.colors) {
+            Some(accessor) => colors::read(doc, &accessor, path, notes)?,
+            None => None,
+        };
+        let tangents = match at(self.tangents.and_then(|tangents| tangents.accessor)) {
+            Some(accessor) => Some(accessor::vectors::<4>(doc, &accessor, Kind::Vector, notes)?),
+            None => None,
+        };
         let counts = [
             ("NORMAL", normals.as_ref().map(Vec::len)),
             ("TEXCOORD", uvs.as_ref().map(Vec::len)),
             ("TEXCOORD", second_uvs.as_ref().map(Vec::len)),
+            ("COLOR_0", colors.as_ref().map(Vec::len)),
+            ("TANGENT", tangents.as_ref().map(Vec::len)),
         ];
         for (attribute, count) in counts {
             if count.is_some_and(|count| count != vertices) {
@@ -120,12 +134,19 @@ impl Sources {
         doc.budget.charge(indices.len() as u64, 12, path)?;
         // What `clean` holds for a moment: a flag, a sum and an index per vertex.
         doc.budget.charge(vertices as u64, 48, path)?;
-        let triangles = self.triangles(&indices, path, notes);
-        let mesh = Mesh { name, positions, normals, uvs, second_uvs, triangles, ..Mesh::default() };
-        let mesh = geometry::clean(mesh, path, notes);
+        let mut triangles = self.triangles(&indices, path, notes);
+        let mut vertices = Vertices { positions, normals, tangents };
+        let mirrored = deformation.apply(doc, primitive, path, &mut vertices, notes)?;
+        deform::turn_mirrored(&mut triangles, &mirrored);
+        let Vertices { positions, normals, tangents } = vertices;
+        let mesh = Mesh { name, positions, normals, uvs, second_uvs, triangles, colors, tangents };
+        let mut mesh = geometry::clean(mesh, path, notes);
         if mesh.triangles.is_empty() {
             notes.repair("primitive without triangles dropped", path, 1);
             return Ok(None);
+        }
+        if let Some(sources) = self.tangents {
+            tangents::complete(doc, sources, &mut mesh, path, notes)?;
         }
         Ok(Some(mesh))
     }

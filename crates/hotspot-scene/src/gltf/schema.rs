@@ -64,10 +64,6 @@ fn json_memory(text: &[u8]) -> u64 {
 
 /// Puts a parsed tree right for [`interpret`]: `extras`, which may hold anything, must have been taken out.
 pub(crate) fn mend(value: &mut Value) -> Result<()> {
-    // Noted by the caller, and else of no concern.
-    if let Some(root) = value.as_object_mut() {
-        root.remove("animations");
-    }
     mend_element(value, &mut String::new())?;
     let demanded = [
         ("scenes", "", "nodes", json!([])),
@@ -88,8 +84,8 @@ pub(crate) fn mend(value: &mut Value) -> Result<()> {
     Ok(())
 }
 
-/// The parser has limited the depth.
-fn mend_element(value: &mut Value, path: &mut String) -> Result<()> {
+/// Takes out nulls and extras, and writes whole numbers as such. The parser has limited the depth.
+pub(super) fn mend_element(value: &mut Value, path: &mut String) -> Result<()> {
     let length = path.len();
     match value {
         Value::Object(members) => {
@@ -239,7 +235,7 @@ fn out_of_range(value: &Value, path: &str) -> crate::LoadError {
 }
 
 /// The value at a path such as `accessors[3].count`.
-fn at<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
+pub(super) fn at<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
     value.pointer(&format!("/{}", path.replace(['.', '['], "/").replace(']', "")))
 }
 

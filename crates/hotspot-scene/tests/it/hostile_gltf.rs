@@ -1,6 +1,6 @@
 //! Malformed glTF: each case is refused with file and element, or mended and counted.
 
-use hotspot_scene::{LoadError, LoadOptions, load_glb_bytes};
+use hotspot_scene::{LoadError, LoadOptions, SceneChoice, load_glb_bytes};
 use serde_json::{Value, json};
 
 use crate::support::*;
@@ -415,7 +415,7 @@ fn limits_are_kept() {
         ("memory", LoadOptions { max_memory_bytes: 2000, ..Default::default() }, "memory limit"),
         ("nodes", LoadOptions { max_nodes: 0, ..Default::default() }, "1 nodes"),
         ("instances", LoadOptions { max_instances: 0, ..Default::default() }, "more than 0"),
-        ("scene", LoadOptions { scene: Some(3), ..Default::default() }, "scene 3"),
+        ("scene", LoadOptions { scene: Some(SceneChoice::Index(3)), ..Default::default() }, "scene 3"),
     ];
     for (case, options, part) in cases {
         assert_refused(load_glb_bytes("test.glb", &whole, &options), case, "test.glb", &[part]);

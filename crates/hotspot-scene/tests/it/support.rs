@@ -86,6 +86,64 @@ pub(crate) fn png(texels: &[[u8; 4]; 4]) -> Vec<u8> {
     out
 }
 
+/// Appends an accessor over bytes of its own and returns its index.
+pub(crate) fn accessor(
+    json: &mut Value,
+    bin: &mut Vec<u8>,
+    bytes: &[u8],
+    component: u32,
+    kind: &str,
+) -> usize {
+    let components = match kind {
+        "SCALAR" => 1,
+        "VEC2" => 2,
+        "VEC3" => 3,
+        "MAT4" => 16,
+        _ => 4,
+    };
+    let size = match component {
+        5120 | 5121 => 1,
+        5122 | 5123 => 2,
+        _ => 4,
+    };
+    bin.resize(bin.len().next_multiple_of(4), 0);
+    let view = json["bufferViews"].as_array().unwrap().len();
+    push(&mut json["bufferViews"], json!({"buffer": 0, "byteOffset": bin.len(), "byteLength": bytes.len()}));
+    let count = bytes.len() / size / components;
+    push(
+        &mut json["accessors"],
+        json!({"bufferView": view, "componentType": component, "count": count, "type": kind}),
+    );
+    bin.extend(bytes);
+    json["buffers"][0]["byteLength"] = bin.len().into();
+    json["accessors"].as_array().unwrap().len() - 1
+}
+
+/// As [`accessor`], of floats.
+pub(crate) fn float_accessor(json: &mut Value, bin: &mut Vec<u8>, values: &[f32], kind: &str) -> usize {
+    accessor(json, bin, &floats(values), 5126, kind)
+}
+
+/// Loads at a point in time.
+pub(crate) fn load_at(json: &Value, bin: &[u8], time: f64) -> Result<Scene, LoadError> {
+    let options = LoadOptions { time: Some(time), ..Default::default() };
+    load_glb_bytes("test.glb", &glb(json, bin), &options)
+}
+
+/// Asserts that numbers agree.
+#[track_caller]
+pub(crate) fn assert_close<A: Into<f64> + Copy, B: Into<f64> + Copy>(
+    got: &[A],
+    wanted: &[B],
+    tolerance: f64,
+) {
+    assert_eq!(got.len(), wanted.len());
+    for (i, (got, wanted)) in got.iter().zip(wanted).enumerate() {
+        let (got, wanted) = ((*got).into(), (*wanted).into());
+        assert!((got - wanted).abs() <= tolerance, "number {i}: {got} instead of {wanted}");
+    }
+}
+
 pub(crate) fn load_pair(json: &Value, bin: &[u8]) -> Result<Scene, LoadError> {
     load_glb_bytes("test.glb", &glb(json, bin), &LoadOptions::default())
 }
@@ -127,6 +185,12 @@ pub(crate) fn check(scene: &Scene) {
         assert!(mesh.normals.as_ref().is_none_or(|n| n.len() == mesh.positions.len()));
         assert!(mesh.uvs.as_ref().is_none_or(|uv| uv.len() == mesh.positions.len()));
         assert!(mesh.uvs.iter().flatten().flatten().all(|c| c.is_finite()));
+        assert!(mesh.colors.as_ref().is_none_or(|c| c.len() == mesh.positions.len()));
+        assert!(mesh.colors.iter().flatten().flatten().all(|c| (0.0..=1.0).contains(c)));
+        assert!(mesh.tangents.as_ref().is_none_or(|t| t.len() == mesh.positions.len()));
+        for [x, y, z, w] in mesh.tangents.iter().flatten() {
+            assert!((x * x + y * y + z * z - 1.0).abs() < 1e-5 && w.abs() == 1.0);
+        }
     }
     for texture in &scene.textures {
         assert_eq!(texture.rgba.len(), 4 * texture.width as usize * texture.height as usize);
