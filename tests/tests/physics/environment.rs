@@ -2,9 +2,10 @@
 
 use crate::measure;
 use core::f64::consts::{PI, TAU};
-use hotspot_integrator::{BuildOptions, RenderScene};
-use hotspot_scene::{Environment, EnvironmentMap, Material};
-use hotspot_tests::picture::{picture, settings};
+use hotspot_cost::Counter;
+use hotspot_integrator::{BuildOptions, Isa, RenderScene};
+use hotspot_scene::{Environment, EnvironmentMap, LightKind, Material};
+use hotspot_tests::picture::{frame, picture, settings};
 use hotspot_tests::world::{
     Random, V3, World, add_scaled, cross, dot, environment_map, matte, metal, mirror, pencil, rectangle,
     substrate, unit,
@@ -224,4 +225,29 @@ fn maps_that_are_not_whole_are_refused_by_name() {
         world.prepare().memory().geometry
     };
     assert!((12 * 255 * 256..18 * 256 * 256).contains(&(memory(256) - memory(16))));
+}
+
+/// The same bits from every instruction set; and each look-up counts as one of a texture: four texels of twelve bytes.
+#[test]
+fn look_ups_are_the_same_everywhere_and_counted() {
+    let (world, camera) = plane(unit([0.2, 0.8, 0.5]), metal([0.9; 3], 0.4));
+    let world = world
+        .with_light(LightKind::Point { position: [0.3, 0.9, 0.4] }, [0.5; 3])
+        .with_light(LightKind::Directional { direction: [0.0, -1.0, 0.0] }, [1.0; 3]);
+    let run = |world: &World, isa: Isa| {
+        let scene =
+            RenderScene::prepare(&world.scene, BuildOptions { isa, ..BuildOptions::default() }).unwrap();
+        frame(&scene, &camera, &settings(16, 16, 16, 3, 0)).frame
+    };
+    let mapped = world.clone().with_environment_map(sky(100.0));
+    let (auto, portable) = (run(&mapped, Isa::Auto), run(&mapped, Isa::Portable));
+    for (x, y) in auto.pixels() {
+        assert_eq!(auto.film_total(x, y), portable.film_total(x, y), "{x}, {y}");
+    }
+    let sum = |frame: &hotspot_cost::Frame, c| frame.costs().map(|cost| cost.get(c)).sum::<u64>();
+    let look_ups = sum(&auto, Counter::Texture);
+    assert_eq!(sum(&auto, Counter::TextureBytes), 48 * look_ups);
+    // Every path leaves the plane for the sky or is absorbed; the sky is sampled at most once at its only vertex.
+    assert!((3000..=2 * 4096).contains(&look_ups), "{look_ups}");
+    assert_eq!(sum(&run(&world.with_environment([1.0; 3]), Isa::Auto), Counter::Texture), 0);
 }
