@@ -4,7 +4,8 @@
 
 use hotspot_integrator::{BuildOptions, RenderScene};
 use hotspot_scene::{
-    Bsdf, Camera, Color, Environment, Instance, Material, Mesh, Object, Projection, Scalar, Scene,
+    Bsdf, Camera, Color, Environment, EnvironmentMap, Instance, Light, LightKind, Material, Mesh, Object,
+    Projection, Scalar, Scene,
 };
 
 /// Point or direction.
@@ -73,6 +74,21 @@ impl World {
     #[must_use]
     pub fn with_environment(mut self, radiance: [f32; 3]) -> Self {
         self.scene.environment = Some(Environment::Constant(radiance));
+        self
+    }
+
+    /// Sets a map as environment.
+    #[must_use]
+    pub fn with_environment_map(mut self, map: EnvironmentMap) -> Self {
+        self.scene.environment = Some(Environment::Map(map));
+        self
+    }
+
+    /// Adds a light without area.
+    #[must_use]
+    pub fn with_light(mut self, kind: LightKind, intensity: [f32; 3]) -> Self {
+        let name = format!("light {}", self.scene.lights.len());
+        self.scene.lights.push(Light { name, kind, intensity });
         self
     }
 
@@ -203,6 +219,22 @@ pub fn emitting(material: Material, radiance: [f32; 3]) -> Material {
 /// A black emitter, front only.
 pub fn light(radiance: [f32; 3]) -> Material {
     emitting(matte([0.0; 3]), radiance)
+}
+
+/// An environment map, unrotated, from a function of column and row.
+pub fn environment_map(
+    width: u32,
+    height: u32,
+    mut texel: impl FnMut(u32, u32) -> [f32; 3],
+) -> EnvironmentMap {
+    EnvironmentMap {
+        name: "map".into(),
+        width,
+        height,
+        texels: (0..width * height).map(|i| texel(i % width, i / width)).collect(),
+        rotation: 0.0,
+        scale: [1.0; 3],
+    }
 }
 
 /// A camera at `from` that looks at `to`.

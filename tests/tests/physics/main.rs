@@ -7,8 +7,10 @@
 mod bsdf;
 mod closed;
 mod emitters;
+mod environment;
 mod furnace;
 mod placing;
+mod punctual;
 
 use hotspot_integrator::{RenderScene, Settings};
 use hotspot_scene::Camera;
