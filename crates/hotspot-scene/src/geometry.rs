@@ -60,6 +60,7 @@ fn drop_unused_vertices(mesh: &mut Mesh) {
     mesh.positions = pick(&mesh.positions, &kept);
     mesh.normals = mesh.normals.as_deref().map(|n| pick(n, &kept));
     mesh.uvs = mesh.uvs.as_deref().map(|uv| pick(uv, &kept));
+    mesh.colors = mesh.colors.as_deref().map(|c| pick(c, &kept));
 }
 
 /// Makes normals unit; replaces those that have no direction by the area-weighted geometric normal of the vertex.
