@@ -66,7 +66,7 @@ impl Library {
                 // A material takes about two thousand bytes, twice for a moment, for some ten bytes of text.
                 budget.charge(bytes.len() as u64, 512, &element)?;
                 let name = name.replace('\\', "/");
-                mtl::parse(&bytes, Path::new(&name), &mut materials, notes)
+                mtl::parse(&bytes, Path::new(&name), &mut materials, budget, notes)
                     .map_err(|error| error.in_file(Path::new(&name)))?;
             }
         }

@@ -8,7 +8,8 @@ use std::collections::hash_map::Entry;
 use std::path::{Path, PathBuf};
 
 use super::map::{self, Map, finite};
-use super::text::{Mended, Statement, Statements};
+use super::text::{Mended, Statement, Statements, without_utf16};
+use crate::budget::Budget;
 use crate::error::Result;
 use crate::notes::Notes;
 
@@ -55,10 +56,12 @@ pub(super) fn parse(
     bytes: &[u8],
     file: &Path,
     out: &mut HashMap<String, Mtl>,
+    budget: &Budget,
     notes: &mut Notes,
 ) -> Result<()> {
     let mended = Mended::default();
-    let mut statements = Statements::new(bytes, &mended)?;
+    let bytes = without_utf16(bytes, budget)?;
+    let mut statements = Statements::new(&bytes, &mended);
     let mut found: Vec<(String, Mtl)> = Vec::new();
     while let Some(statement) = statements.next()? {
         if statement.keyword().eq_ignore_ascii_case("newmtl") {

@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 
 use super::colors::VertexColors;
-use super::text::{Mended, Statement, Statements};
+use super::text::{Mended, Statement, Statements, without_utf16};
 use crate::budget::Budget;
 use crate::error::{Result, invalid, limit};
 use crate::notes::Notes;
@@ -86,7 +86,8 @@ pub(super) fn parse(bytes: &[u8], stem: &str, budget: &Budget, notes: &mut Notes
         unknown: (0, 0),
     };
     let mended = Mended::default();
-    let mut statements = Statements::new(bytes, &mended)?;
+    let bytes = without_utf16(bytes, budget)?;
+    let mut statements = Statements::new(&bytes, &mended);
     while let Some(statement) = statements.next()? {
         parser.statement(&statement)?;
     }

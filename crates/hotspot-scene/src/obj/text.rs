@@ -7,7 +7,8 @@ use std::borrow::Cow;
 use std::cell::Cell;
 
 use crate::LoadError;
-use crate::error::{REEXPORT, Result, invalid, limit, unsupported};
+use crate::budget::Budget;
+use crate::error::{REEXPORT, Result, invalid, limit};
 use crate::notes::Notes;
 
 /// Longest line, continuations included: a polygon of a hundred thousand corners fits.
@@ -115,11 +116,8 @@ pub(super) struct Statements<'a> {
 }
 
 impl<'a> Statements<'a> {
-    pub(super) fn new(bytes: &'a [u8], mended: &'a Mended) -> Result<Self> {
-        if bytes.starts_with(b"\xFF\xFE") || bytes.starts_with(b"\xFE\xFF") {
-            return Err(unsupported("line 1", "the text is UTF-16", "save it as UTF-8"));
-        }
-        Ok(Self { rest: bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes), line: 0, mended })
+    pub(super) fn new(bytes: &'a [u8], mended: &'a Mended) -> Self {
+        Self { rest: bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes), line: 0, mended }
     }
 
     pub(super) fn next(&mut self) -> Result<Option<Statement<'a>>> {
@@ -190,6 +188,20 @@ impl<'a> Statements<'a> {
     }
 }
 
+/// The file as UTF-8 where its byte order mark says UTF-16, else as it is.
+pub(super) fn without_utf16<'a>(bytes: &'a [u8], budget: &Budget) -> Result<Cow<'a, [u8]>> {
+    let unit: fn([u8; 2]) -> u16 = match bytes.first_chunk() {
+        Some(b"\xFF\xFE") => u16::from_le_bytes,
+        Some(b"\xFE\xFF") => u16::from_be_bytes,
+        _ => return Ok(Cow::Borrowed(bytes)),
+    };
+    // Three bytes for each two, while the string grows.
+    budget.charge(bytes.len() as u64, 3, "the text in UTF-16")?;
+    let units = bytes.as_chunks().0.iter().copied().map(unit);
+    let text: String = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect();
+    Ok(Cow::Owned(text.into_bytes()))
+}
+
 /// What precedes the backslash at the end of a line that goes on in the next. After a byte beyond ASCII in a line that is
 /// not UTF-8, a backslash is the second half of a Shift-JIS character.
 fn continued(line: &[u8]) -> Option<&[u8]> {
@@ -212,7 +224,7 @@ mod tests {
 
     fn lines(bytes: &[u8]) -> Vec<(usize, String)> {
         let mended = Mended::default();
-        let mut statements = Statements::new(bytes, &mended).unwrap();
+        let mut statements = Statements::new(bytes, &mended);
         let mut out = Vec::new();
         while let Some(statement) = statements.next().unwrap() {
             out.push((statement.line, format!("{}|{}", statement.keyword(), statement.rest())));
@@ -231,7 +243,6 @@ mod tests {
         // At the very end, and nothing but continuations.
         assert_eq!(lines(b"a \\"), [(1, "a|".to_owned())]);
         assert_eq!(lines(b"\\\n\\\n\\"), []);
-        assert!(Statements::new(b"\xFF\xFEv\0", &Mended::default()).is_err());
     }
 
     #[test]

@@ -28,7 +28,8 @@ fn bsdf(statements: &str) -> Bsdf {
 #[test]
 fn glass_is_what_programs_mean_by_it() {
     // (statements, index and filter where it is glass)
-    let cases: [(&str, Option<(f32, [f32; 3])>); 17] = [
+    type Glass = (f32, [f32; 3]);
+    let cases: [(&str, Option<Glass>); 17] = [
         // Refraction is asked for.
         ("illum 6\nNi 1.33\nd 0.5", Some((1.33, [1.0; 3]))),
         ("illum 7\nTf 0.5 0.6 0.7", Some((1.5, [0.5, 0.6, 0.7]))),

@@ -86,9 +86,15 @@ fn names_hold_spaces_unicode_and_bytes_of_old_encodings() {
 }
 
 #[test]
-fn utf16_is_refused_in_words() {
-    let bytes: Vec<u8> = "\u{FEFF}v 0 0 0\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
-    assert_refused(load_files(&[("a.obj", &bytes)]), "UTF-16", "a.obj", &["line 1", "UTF-16"]);
+fn utf16_of_both_orders_is_read() {
+    let text = format!("\u{FEFF}{SQUARE}o Wände \u{1F3E0}\nf 1 2 3\n");
+    for order in [u16::to_le_bytes, u16::to_be_bytes] {
+        let mut bytes: Vec<u8> = text.encode_utf16().flat_map(order).collect();
+        assert_eq!(load(&bytes).objects[0].name, "Wände \u{1F3E0}");
+        // Half a unit more.
+        bytes.push(0xD8);
+        assert_eq!(load(&bytes).meshes[0].triangles.len(), 1);
+    }
 }
 
 #[test]
