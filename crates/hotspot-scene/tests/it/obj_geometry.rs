@@ -239,4 +239,10 @@ fn memory_is_announced_for_every_kind_of_statement() {
     let options = LoadOptions { max_memory_bytes: text.len() as u64 + 100_000, ..Default::default() };
     assert!(matches!(load(&path, &options), Err(LoadError::Limit { .. })));
     check(&load(&path, &LoadOptions::default()).unwrap());
+    // A mesh of one triangle is small, but it is a mesh.
+    let names: String = (0..1000).map(|i| format!("o {i}\nf 1 2 3\n")).collect();
+    let text = format!("{}{names}", start.replace("s 1\n", ""));
+    std::fs::write(&path, &text).unwrap();
+    let options = LoadOptions { max_memory_bytes: text.len() as u64 + 1_300_000, ..Default::default() };
+    assert!(matches!(load(&path, &options), Err(LoadError::Limit { .. })));
 }

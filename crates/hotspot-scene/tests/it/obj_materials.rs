@@ -177,4 +177,5 @@ fn keywords_in_any_case_and_options_of_textures() {
     };
     let channels = (channel("map_d t.png"), channel("map_d grey.png"), channel("map_d -imfchan b t.png"));
     assert_eq!(channels, (Channel::A, Channel::R, Channel::B));
+    assert_eq!(channel("map_d -imfchan m grey.png"), Channel::A);
 }

@@ -135,6 +135,8 @@ fn textures_are_found_beside_the_mtl_the_obj_and_by_their_last_name() {
         ("../tex/t.png", "tex/t.png", 0),
         ("tex\\t.png", "tex/t.png", 0),
         ("T.PNG", "mtl/t.png", 1),
+        ("t.png", "mtl/T.Png", 1),
+        ("/t.png", "mtl/t.png", 1),
         ("D:\\art\\Bild 1.png", "mtl/bild 1.png", 1),
         ("/home/someone/t.png", "t.png", 1),
         ("../../t.png", "t.png", 1),
