@@ -189,10 +189,10 @@ def main():
     folder.mkdir(parents=True, exist_ok=True)
     packages = json.loads((HERE / "packages.json").read_text())["packages"]
     names = sys.argv[2:] or [name for name, package in packages.items() if not package.get("optional")]
+    for name in set(names) - set(packages):
+        sys.exit(f"{name} is not in packages.json; it has {', '.join(packages)}")
     failed = False
     for name in names:
-        if name not in packages:
-            sys.exit(f"{name} is not in packages.json; it has {', '.join(packages)}")
         try:
             print(f"{name}: {fetch(name, packages[name], folder)}", flush=True)
         except (Failed, OSError, subprocess.SubprocessError, tarfile.TarError, zipfile.BadZipFile) as error:
