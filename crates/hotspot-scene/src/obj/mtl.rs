@@ -1,44 +1,54 @@
-//! MTL files to materials.
+//! MTL files to what each material states.
 //!
-//! Kd and Ks become matte or substrate, illumination models 3 and 5 a mirror, Ns a GGX roughness with
-//! alpha = roughness² = sqrt(2 / (Ns + 2)), Ke emitted radiance from both sides (OBJ does not say which is the front).
-//!
-//! `tobj` parses a copy in which every number is finite and in range, and every colour has its three numbers: it panics on
-//! fewer. Texture statements with their options are read here.
+//! Keywords are told apart whatever their case. Numbers are finite and in range afterwards, and what is out of range is
+//! noted; what they mean together is decided in `material`.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use super::text::{Statement, Statements};
+use super::map::{self, Map, finite};
+use super::text::{Mended, Statement, Statements, without_utf16};
+use crate::budget::Budget;
 use crate::error::Result;
 use crate::notes::Notes;
-use crate::scene::Wrap;
 
-/// A material as the file states it.
+/// A material as the file states it. Colours are in 0..1 but for `ke`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Mtl {
     /// The file, as the OBJ names it.
     pub(super) file: PathBuf,
     pub(super) line: usize,
-    /// Colours and numbers, all of them finite and in range.
-    pub(super) stated: tobj::Material,
+    /// Diffuse reflectance.
+    pub(super) kd: Option<[f32; 3]>,
+    /// Specular reflectance.
+    pub(super) ks: Option<[f32; 3]>,
+    /// Emission, at least 0.
+    pub(super) ke: Option<[f32; 3]>,
+    /// Phong's exponent, at least 0.
+    pub(super) ns: Option<f32>,
+    /// Index of refraction, above 0.
+    pub(super) ni: Option<f32>,
+    /// Transmission filter.
+    pub(super) tf: Option<[f32; 3]>,
+    /// Opacity, 0..1.
+    pub(super) d: Option<f32>,
+    /// Transparency, 0..1: 1 − d.
+    pub(super) tr: Option<f32>,
+    /// Illumination model.
+    pub(super) illum: Option<u8>,
+    /// Roughness, 0..1.
+    pub(super) pr: Option<f32>,
+    /// Metallic, 0..1.
+    pub(super) pm: Option<f32>,
     pub(super) map_kd: Option<Map>,
+    pub(super) map_ks: Option<Map>,
     pub(super) map_ke: Option<Map>,
     pub(super) map_d: Option<Map>,
+    pub(super) map_pr: Option<Map>,
+    pub(super) map_pm: Option<Map>,
     /// Keywords of what is not modelled, with line and effect.
     pub(super) unmodelled: Vec<(String, usize, &'static str)>,
-}
-
-/// A texture statement.
-#[derive(Clone, Debug)]
-pub(super) struct Map {
-    pub(super) name: String,
-    pub(super) line: usize,
-    pub(super) wrap: Wrap,
-    /// Of the flipped coordinates, as [`crate::TextureRef::transform`].
-    pub(super) transform: [[f32; 3]; 2],
 }
 
 /// Parses a library. The first definition of a name counts.
@@ -46,26 +56,26 @@ pub(super) fn parse(
     bytes: &[u8],
     file: &Path,
     out: &mut HashMap<String, Mtl>,
+    budget: &Budget,
     notes: &mut Notes,
 ) -> Result<()> {
-    let mut statements = Statements::new(bytes);
+    let mended = Mended::default();
+    let bytes = without_utf16(bytes, budget)?;
+    let mut statements = Statements::new(&bytes, &mended);
     let mut found: Vec<(String, Mtl)> = Vec::new();
-    let mut text = String::new();
     while let Some(statement) = statements.next()? {
-        if statement.keyword() == "newmtl" {
+        if statement.keyword().eq_ignore_ascii_case("newmtl") {
             let mtl = Mtl { file: file.into(), line: statement.line, ..Mtl::default() };
             found.push((statement.rest().to_owned(), mtl));
-            text.push_str("newmtl x\n");
         } else if let Some((_, mtl)) = found.last_mut() {
-            mtl.statement(&statement, &mut text, notes)?;
+            mtl.statement(&statement, notes)?;
         } else {
             let element = format!("{} line {}", file.display(), statement.line);
             notes.repair("statement before the first newmtl ignored", &element, 1);
         }
     }
-    let (stated, _) = tobj::load_mtl_buf(&mut text.as_bytes()).map_err(super::refused)?;
-    for ((name, mut mtl), stated) in found.into_iter().zip(stated) {
-        mtl.stated = stated;
+    mended.note(&file.to_string_lossy(), notes);
+    for (name, mtl) in found {
         match out.entry(name) {
             Entry::Vacant(free) => {
                 free.insert(mtl);
@@ -80,150 +90,106 @@ pub(super) fn parse(
 }
 
 impl Mtl {
-    /// Reads a statement, or copies it for `tobj`.
-    fn statement(&mut self, statement: &Statement<'_>, text: &mut String, notes: &mut Notes) -> Result<()> {
-        let mut ignore = |effect| self.unmodelled.push((statement.keyword().into(), statement.line, effect));
-        let mut state = |keyword: &str, number: f32| {
-            // Writing to a string cannot fail.
-            let _ = writeln!(text, "{keyword} {number}");
-        };
-        match statement.keyword() {
-            "Kd" | "Ks" => self.color(statement, 1.0, text, notes)?,
-            "Ke" => self.color(statement, f32::MAX, text, notes)?,
-            "Ns" => state("Ns", self.within(statement, finite(statement)?, f32::MAX, notes)),
+    fn statement(&mut self, statement: &Statement<'_>, notes: &mut Notes) -> Result<()> {
+        let keyword = statement.keyword().to_ascii_lowercase();
+        match keyword.as_str() {
+            "kd" => self.kd = self.color(statement, 1.0, notes)?.or(self.kd),
+            "ks" => self.ks = self.color(statement, 1.0, notes)?.or(self.ks),
+            "ke" => self.ke = self.color(statement, f32::MAX, notes)?.or(self.ke),
+            "tf" => self.tf = self.color(statement, 1.0, notes)?.or(self.tf),
+            "ns" => self.ns = Some(self.number(statement, f32::MAX, notes)?),
+            "ni" => {
+                let stated = self.number(statement, f32::MAX, notes)?;
+                // Programs that know no index write 0.
+                self.ni = Some(stated).filter(|ni| *ni > 0.0);
+            }
             "d" => {
                 let halo = statement.words().next() == Some("-halo");
                 let word = statement.words().nth(usize::from(halo)).unwrap_or_default();
-                let value = number(statement, word)?;
-                state("d", self.within(statement, value, 1.0, notes));
+                let value = finite(statement, word)?;
+                self.d = Some(self.within(statement, value, 1.0, notes));
             }
-            "Tr" => state("d", 1.0 - self.within(statement, finite(statement)?, 1.0, notes)),
-            "illum" => {
-                let model = finite(statement)?;
-                let known = model.clamp(0.0, 100.0).trunc();
-                state("illum", known);
-                if [4.0, 6.0, 7.0, 9.0].contains(&known) {
-                    self.unmodelled.push((
-                        format!("illum {model}"),
-                        statement.line,
-                        "the surface is opaque, not glass",
-                    ));
-                }
+            "tr" => self.tr = Some(self.number(statement, 1.0, notes)?),
+            // Truncated: some programs write `2.0`.
+            "illum" => self.illum = Some(self.number(statement, 255.0, notes)? as u8),
+            "pr" => self.pr = Some(self.number(statement, 1.0, notes)?),
+            "pm" => self.pm = Some(self.number(statement, 1.0, notes)?),
+            "map_kd" => self.map_kd = self.map(statement, notes)?,
+            "map_ks" => self.map_ks = self.map(statement, notes)?,
+            "map_ke" => self.map_ke = self.map(statement, notes)?,
+            "map_d" | "map_opacity" => self.map_d = self.map(statement, notes)?,
+            "map_pr" => self.map_pr = self.map(statement, notes)?,
+            "map_pm" => self.map_pm = self.map(statement, notes)?,
+            // The ambient colour stands for light that path tracing computes.
+            "ka" | "map_ka" | "sharpness" | "map_aat" => {}
+            // These shape the coat and the highlights that the keywords below ask for.
+            "pcr" | "anisor" => {}
+            "ps" => self.unless_zero(statement, "no sheen is added"),
+            "pc" => self.unless_zero(statement, "no coat is added"),
+            "aniso" => self.unless_zero(statement, "the highlights are isotropic"),
+            "norm" | "map_norm" | "map_kn" | "bump" | "map_bump" | "disp" | "map_disp" => {
+                self.ignore(statement, "the surface is drawn without bumps");
             }
-            "map_Kd" => self.map_kd = Some(map(statement)?),
-            "map_Ke" => self.map_ke = Some(map(statement)?),
-            "map_d" | "map_opacity" => self.map_d = Some(map(statement)?),
-            // The ambient colour stands for light that path tracing computes; Ni acts on glass alone.
-            "Ka" | "map_Ka" | "Ni" | "sharpness" | "map_aat" => {}
-            "Tf" => {
-                if statement.words().any(|word| !matches!(word.parse::<f32>(), Ok(1.0))) {
-                    ignore("no light passes through");
-                }
-            }
-            "bump" | "map_bump" | "map_Bump" | "norm" | "disp" => {
-                ignore("the surface is drawn without bumps");
-            }
-            "map_Ks" | "map_Ns" | "refl" => ignore("the highlights are the same everywhere"),
-            _ => ignore("ignored"),
+            "map_ns" => self.ignore(statement, "the highlights have the same width everywhere"),
+            "refl" | "map_refl" => self.ignore(statement, "reflections show the scene"),
+            _ => self.ignore(statement, "ignored"),
         }
         Ok(())
     }
 
-    /// Copies `r g b`, or `r` for all three; in 0..`most`.
-    fn color(
-        &mut self,
-        statement: &Statement<'_>,
-        most: f32,
-        text: &mut String,
-        notes: &mut Notes,
-    ) -> Result<()> {
-        let keyword = statement.keyword();
+    fn ignore(&mut self, statement: &Statement<'_>, effect: &'static str) {
+        self.unmodelled.push((statement.keyword().into(), statement.line, effect));
+    }
+
+    /// Programs write these for every material; 0 asks for nothing.
+    fn unless_zero(&mut self, statement: &Statement<'_>, effect: &'static str) {
+        let asked = statement.words().any(|word| !matches!(statement.number(word), Ok(0.0)));
+        if asked {
+            self.ignore(statement, effect);
+        }
+    }
+
+    /// `r g b`, or `r` for all three; in 0..`most`. `None` where the statement is not in RGB.
+    fn color(&mut self, statement: &Statement<'_>, most: f32, notes: &mut Notes) -> Result<Option<[f32; 3]>> {
         if let Some(kind @ ("spectral" | "xyz")) = statement.words().next() {
-            let keyword = format!("{keyword} {kind}");
+            let keyword = format!("{} {kind}", statement.keyword());
             self.unmodelled.push((keyword, statement.line, "ignored: only RGB is read"));
-            return Ok(());
+            return Ok(None);
         }
-        let mut color = [finite(statement)?; 3];
+        let mut color = [finite(statement, statement.words().next().unwrap_or_default())?; 3];
         for (channel, word) in color.iter_mut().zip(statement.words()) {
-            *channel = number(statement, word)?;
+            *channel = finite(statement, word)?;
         }
-        let [r, g, b] = color.map(|c| self.within(statement, c, most, notes));
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "{keyword} {r} {g} {b}");
-        Ok(())
+        Ok(Some(color.map(|c| self.within(statement, c, most, notes))))
+    }
+
+    fn number(&self, statement: &Statement<'_>, most: f32, notes: &mut Notes) -> Result<f32> {
+        let number = finite(statement, statement.words().next().unwrap_or_default())?;
+        Ok(self.within(statement, number, most, notes))
     }
 
     /// Clamps to 0..`most`, and notes it.
     fn within(&self, statement: &Statement<'_>, value: f32, most: f32, notes: &mut Notes) -> f32 {
         let clamped = value.clamp(0.0, most);
-        let element = format!("{} line {}", self.file.display(), statement.line);
-        notes.repair("value clamped to its range", &element, u64::from(clamped != value));
+        if clamped != value {
+            let element = format!("{} line {}", self.file.display(), statement.line);
+            notes.repair("value clamped to its range", &element, 1);
+        }
         clamped
     }
-}
 
-/// A word as a finite number.
-fn number(statement: &Statement<'_>, word: &str) -> Result<f32> {
-    let number = statement.number(word)?;
-    if number.is_finite() {
-        Ok(number)
-    } else {
-        Err(statement.wrong(format!("{word} is not a finite number")))
-    }
-}
-
-/// The first word after the keyword as a finite number.
-fn finite(statement: &Statement<'_>) -> Result<f32> {
-    number(statement, statement.words().next().unwrap_or_default())
-}
-
-/// Options and name of a texture statement. The name is the rest after the options, and may hold spaces.
-fn map(statement: &Statement<'_>) -> Result<Map> {
-    let mut wrap = Wrap::Repeat;
-    let (mut offset, mut scale) = ([0.0f32; 2], [1.0f32; 2]);
-    let mut words = statement.words().peekable();
-    while let Some(option) = words.next_if(|word| word.starts_with('-')) {
-        match option {
-            "-o" | "-s" | "-t" => {
-                // One to three numbers.
-                let mut values = [None; 3];
-                for value in &mut values {
-                    if let Some(word) = words.next_if(|word| word.parse::<f32>().is_ok()) {
-                        *value = Some(number(statement, word)?);
-                    }
-                }
-                let target = match option {
-                    "-o" => &mut offset,
-                    "-s" => &mut scale,
-                    // Turbulence.
-                    _ => continue,
-                };
-                for (target, value) in target.iter_mut().zip(values) {
-                    *target = value.unwrap_or(*target);
-                }
-            }
-            "-clamp" => {
-                if words.next() == Some("on") {
-                    wrap = Wrap::Clamp;
-                }
-            }
-            "-mm" => {
-                words.next();
-                words.next();
-            }
-            _ => {
-                words.next();
-            }
+    /// A texture statement; some programs write the keyword alone where there is no texture.
+    fn map(&mut self, statement: &Statement<'_>, notes: &mut Notes) -> Result<Option<Map>> {
+        if statement.rest().is_empty() {
+            let element = format!("{} line {}", self.file.display(), statement.line);
+            notes.repair("texture statement without a name ignored", &element, 1);
+            return Ok(None);
         }
+        let mut map = map::read(statement)?;
+        for option in map.unmodelled.drain(..) {
+            let keyword = format!("{} {option}", statement.keyword());
+            self.unmodelled.push((keyword, statement.line, "the texture is shown without"));
+        }
+        Ok(Some(map))
     }
-    let name = words.collect::<Vec<_>>().join(" ");
-    if name.is_empty() {
-        return Err(statement.wrong("no file is named here"));
-    }
-    // v' = s v + o, with v counted from the lower edge: 1 - v' = s (1 - v) + (1 - s - o).
-    let transform = [[scale[0], 0.0, offset[0]], [0.0, scale[1], 1.0 - scale[1] - offset[1]]];
-    if !transform.iter().flatten().all(|n| n.is_finite()) {
-        return Err(statement.wrong("a number is too large"));
-    }
-    Ok(Map { name, line: statement.line, wrap, transform })
 }

@@ -150,9 +150,11 @@ fn replace_numbers(json: &Value, bin: &[u8]) {
     }
 }
 
-const OBJ: &str = "mtllib m.mtl\no Box\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 1\nvn 0 0 1\n\
-    usemtl m\nf 1/1/1 2/2/1 3/1/1 4/2/1\nf -4 -3 -2\ng Other\nf 1//1 2//1 3//1\n";
-const MTL: &str = "newmtl m\nKd 0.5 0.5 0.5\nKs 0.1 0.1 0.1\nNs 10\nd 0.5\nmap_Kd -s 2 2 t.png\nillum 2\n";
+const OBJ: &str = "mtllib m.mtl\no Box\nv 0 0 0\nv 1 0 0 1 0.5 0\nv 1 1 0\nv 0 1 0 \\\n1 1 1\nvt 0 0\nvt 1 1\nvn 0 0 1\n\
+    usemtl m\nf 1/1/1 2/2/1 3/1/1 4/2/1\nf -4 -3 -2\ng Other\nf 1//1 2//1 3//1\nusemtl glass\ns 1\nf 1 2 3 4\r\
+    s 2\nf 1/1 3/2 4/1 # comment\nusemtl metal\ns off\nf 3 2 1\n";
+const MTL: &str = "newmtl m\nKd 0.5 0.5 0.5\nKs 0.1 0.1 0.1\nNs 10\nd 0.5\nmap_Kd -s 2 2 t.png\nillum 2\n\
+    newmtl glass\nillum 6\nNi 1.5\nTf 0,9 1 1\nnewmtl metal\nPm 0.5\nmap_Pr -imfchan g -clamp on -mm 0 1 t.png\n";
 
 #[test]
 fn obj_cut_or_flipped_never_panics() {
@@ -166,7 +168,7 @@ fn obj_cut_or_flipped_never_panics() {
         judge(run(OBJ.as_bytes(), &MTL.as_bytes()[..length]), "MTL cut");
     }
     let mut random = Random(2);
-    for round in 0..500 {
+    for round in 0..1500 {
         let mut files = [OBJ.as_bytes().to_vec(), MTL.as_bytes().to_vec()];
         let file = &mut files[random.below(2)];
         let at = random.below(file.len());

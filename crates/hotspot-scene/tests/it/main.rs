@@ -14,5 +14,8 @@ mod gltf_vertices;
 mod hostile_files;
 mod hostile_gltf;
 mod obj_features;
+mod obj_geometry;
+mod obj_materials;
+mod obj_text;
 mod shared_scenes;
 mod support;
