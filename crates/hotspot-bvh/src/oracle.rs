@@ -62,7 +62,7 @@ pub fn brute_force_instanced<F: Filter>(
     }
     for (index, placed) in bvh.instances.iter().enumerate() {
         let Some(interval) = placed.interval(&frame, ray.t_max) else { continue };
-        let inside = RayFrame::new(&placed.object_ray(ray, f32::INFINITY));
+        let inside = RayFrame::new(&placed.object_ray(ray, interval, f32::INFINITY));
         let mesh = &meshes[mesh_of[index] as usize];
         let Some((t, primitive)) = loop_over(mesh, &inside, index as u32, &mut filter) else { continue };
         let t = clamped(t, interval);
@@ -224,7 +224,7 @@ impl<F: Filter> Search<'_, F> {
         let Some(interval) = placed.interval(space.frame, t_max) else { return };
         self.counts.instances += 1;
         let limit = search_limit(t_max, interval);
-        let ray = placed.object_ray(&space.frame.ray, limit);
+        let ray = placed.object_ray(&space.frame.ray, interval, limit);
         if !ray.is_finite() {
             return;
         }
@@ -250,7 +250,7 @@ impl<F: Filter> Search<'_, F> {
             }
             self.counts.instances += 1;
             let limit = if interval.1 < t_max { f32::INFINITY } else { t_max };
-            let ray = placed.object_ray(&space.frame.ray, limit);
+            let ray = placed.object_ray(&space.frame.ray, interval, limit);
             let inside = Space { frame: &RayFrame::new(&ray), instance: child.index() as u32 };
             return ray.is_finite() && self.any(inside, placed.root);
         }
