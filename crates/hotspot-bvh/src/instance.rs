@@ -142,11 +142,7 @@ impl Placed {
         let largest = world[0].abs().max(world[1].abs()).max(world[2].abs());
         let [x, y, z] = [world[0] / largest, world[1] / largest, world[2] / largest];
         let length = (x * x + y * y + z * z).sqrt();
-        if length > 0.0 {
-            [(x / length) as f32, (y / length) as f32, (z / length) as f32]
-        } else {
-            [0.0; 3]
-        }
+        if length > 0.0 { [(x / length) as f32, (y / length) as f32, (z / length) as f32] } else { [0.0; 3] }
     }
 }
 

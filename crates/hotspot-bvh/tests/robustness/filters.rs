@@ -31,7 +31,7 @@ impl Mask {
     fn counts(self, instance: u32, primitive: u32, (u, v): (f32, f32)) -> bool {
         match self {
             Self::Share(share) => lot(instance, primitive) < share,
-            Self::Checkerboard(squares) => ((u * squares) as u32 + (v * squares) as u32) % 2 == 0,
+            Self::Checkerboard(squares) => ((u * squares) as u32 + (v * squares) as u32).is_multiple_of(2),
             Self::Only(i, p) => (instance, primitive) == (i, p),
         }
     }
@@ -91,12 +91,11 @@ fn tree_loop_and_twin_agree_in_full() {
     agree(50_000_000, 91);
 }
 
-/// Hit, and all that a probe hears but for alpha, of both queries.
-fn heard<F: Filter + Copy>(
-    placement: &Placement,
-    ray: &Ray,
-    filter: F,
-) -> Vec<(Option<(u32, [u32; 7])>, bool, [Heard; 2])> {
+/// A hit, whether there is any, and what probes heard of both queries.
+type Answers = (Option<(u32, [u32; 7])>, bool, [Heard; 2]);
+
+/// Both queries under every instruction set.
+fn heard<F: Filter + Copy>(placement: &Placement, ray: &Ray, filter: F) -> Vec<Answers> {
     let ask = |tree| {
         let (mut nearest, mut any) = (Heard::default(), Heard::default());
         let hit = closest(tree, ray, filter, Listener(&mut nearest));
@@ -164,10 +163,8 @@ fn the_first_accepted_of_equals_wins() {
     let places = [(0, IDENTITY); 12];
     let scene = Placement::new("equals", copies.clone(), vec![copies], &places, Quality::Medium);
     let ray = Ray::new([0.2, 0.3, 2.0], [0.0, 0.0, -1.0]);
-    let everything: Vec<(u32, u32)> = (0..20)
-        .map(|p| (NO_INSTANCE, p))
-        .chain((0..12).flat_map(|i| (0..20).map(move |p| (i, p))))
-        .collect();
+    let everything: Vec<(u32, u32)> =
+        (0..20).map(|p| (NO_INSTANCE, p)).chain((0..12).flat_map(|i| (0..20).map(move |p| (i, p)))).collect();
     for &(i, p) in &everything {
         let hit = scene.check_filtered(&ray, Mask::Only(i, p)).unwrap();
         assert_eq!((hit.instance, hit.primitive), (i, p));
@@ -230,12 +227,8 @@ fn questions_are_about_hits_that_matter() {
             for mask in MASKS {
                 let mut asked = Vec::new();
                 let mut heard = Heard::default();
-                let hit = closest(
-                    &placement.trees[1],
-                    &ray,
-                    Recorder(mask, &mut asked),
-                    Listener(&mut heard),
-                );
+                let hit =
+                    closest(&placement.trees[1], &ray, Recorder(mask, &mut asked), Listener(&mut heard));
                 questions += asked.len();
                 // Every question reaches the probe once.
                 let lookups = asked.len() as u64;
@@ -280,9 +273,9 @@ fn questions_are_about_hits_that_matter() {
                 assert_eq!(accepted.last().copied().unwrap_or(false), blocked);
                 assert!(asked.iter().all(|q| key(&placement, &ray, q).is_some()), "does not block: {ray:?}");
                 if !blocked {
-                    let all = everything.iter().filter(|&&(i, p)| {
-                        key(&placement, &ray, &(i, p, [0; 2], false)).is_some()
-                    });
+                    let all = everything
+                        .iter()
+                        .filter(|&&(i, p)| key(&placement, &ray, &(i, p, [0; 2], false)).is_some());
                     assert_eq!(all.count(), asked.len(), "{ray:?}");
                 }
             }
@@ -310,7 +303,8 @@ fn one_sees_through_holes() {
     let mut rng = Rng::new(95);
     let world = Placement::new("world", vec![window, wall], Vec::new(), &[], Quality::Medium);
     let turned = affine(&mut rng, 0.3, 0.3, 3.0);
-    let placed = Placement::new("placed", Vec::new(), vec![vec![window, wall]], &[(0, turned)], Quality::Medium);
+    let placed =
+        Placement::new("placed", Vec::new(), vec![vec![window, wall]], &[(0, turned)], Quality::Medium);
     for _ in 0..2000 {
         let (x, y) = (rng.unit() as f32, rng.unit() as f32);
         let radius = (x - 0.25).hypot(y - 0.25);

@@ -4,7 +4,9 @@
 use crate::support::{Heard, Listener, Rng, Triangle, along, bits, dot, narrow, point_on, sub, wide};
 use hotspot_bvh::oracle;
 use hotspot_bvh::simd::{Isa, Portable};
-use hotspot_bvh::{BuildOptions, Bvh, Candidate, Filter, Hit, Instance, NoFilter, NoProbe, Quality, Ray, RayProbe};
+use hotspot_bvh::{
+    BuildOptions, Bvh, Candidate, Filter, Hit, Instance, NoFilter, NoProbe, Quality, Ray, RayProbe,
+};
 
 /// Rows of a 3×4 affine matrix.
 pub(crate) type Matrix = [[f64; 4]; 3];
@@ -199,7 +201,11 @@ impl Placement {
             let isa = tree.isa();
             let (mut heard, mut asked, mut twin_asked) = (Heard::default(), Vec::new(), Vec::new());
             let hit = closest(tree, ray, Recorder(filter, &mut asked), Listener(&mut heard));
-            assert_eq!(all_bits(hit), all_bits(expected), "{name} {isa:?} {ray:?}: {hit:?}, not {expected:?}");
+            assert_eq!(
+                all_bits(hit),
+                all_bits(expected),
+                "{name} {isa:?} {ray:?}: {hit:?}, not {expected:?}"
+            );
             let (found, counts) = oracle::closest_filtered(tree, ray, Recorder(filter, &mut twin_asked));
             assert_eq!(found, expected.map(|h| (h.instance, h.primitive, h.t)), "{name} twin {ray:?}");
             self.check_heard(&heard, counts, expected.is_some(), ray);
