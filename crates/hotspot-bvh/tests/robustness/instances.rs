@@ -2,8 +2,8 @@
 //! (Whether instances lie where they should is the matter of `instance_geometry`.)
 
 use crate::meshes::{grid_box, icosphere};
-use crate::placed::{IDENTITY, Matrix, Placement, affine, all_bits, scaling, translation};
-use crate::support::{Heard, Listener, QUALITIES, Rng, Triangle, narrow, scaled, soup};
+use crate::placed::{IDENTITY, Matrix, Placement, affine, all_bits, place, scaling, translation};
+use crate::support::{Heard, Listener, QUALITIES, Rng, Triangle, narrow, scaled, soup, wide};
 use hotspot_bvh::oracle::{self, Counts};
 use hotspot_bvh::{Hit, Instance, NO_INSTANCE, NoFilter, Quality, Ray};
 
@@ -29,6 +29,18 @@ pub(crate) fn signed_permutation(rng: &mut Rng) -> Matrix {
         row[3] = rng.below(9) as f64 - 4.0;
         row
     })
+}
+
+/// A flat mesh far from its own origin, placed near that of the world, and copies in the world: the ray in the mesh's
+/// space errs by much more than the world's box is thick, so every t is clamped, and many are tied or nearly so.
+fn clamped(quality: Quality, levels: &[f64]) -> Placement {
+    let mesh: Vec<Triangle> =
+        tiles(2).iter().map(|t| t.map(|[x, y, _]| [x + 1000.0, y + 1000.0, 1000.3])).collect();
+    let places: Vec<_> =
+        levels.iter().map(|level| (0, translation(-1000.0, -1000.0, level - f64::from(1000.3f32)))).collect();
+    let world =
+        places.iter().flat_map(|(_, m)| mesh.iter().map(|t| t.map(|v| narrow(place(m, wide(v)))))).collect();
+    Placement::new("clamped", world, vec![mesh], &places, quality)
 }
 
 /// Everything that has its own way to go wrong.
@@ -71,6 +83,8 @@ pub(crate) fn placements(quality: Quality) -> Vec<Placement> {
         ),
         Placement::new("one place", Vec::new(), vec![ball.clone()], &vec![(0, same); 300], quality),
         Placement::new("a copy of the world", twice.clone(), vec![twice], &[(0, IDENTITY); 2], quality),
+        clamped(quality, &[0.0, 1e-9, -3e-6, 1e-5, 0.01]),
+        clamped(quality, &[1.0, 1.0 + 6e-8, 1.0 + 1.2e-7, 1.0 + 3e-6, 0.99998]),
         Placement::new("no instance", world.clone(), meshes, &[], quality),
         Placement::new("nothing", Vec::new(), Vec::new(), &[], quality),
     ]
