@@ -7,7 +7,7 @@
 //!
 //! Its t is the one found there, clamped to the interval of the world box's slab test. As for single triangles, the clamp
 //! changes t by rounding errors only, and makes the answer independent of the tree: no ancestor's box is entered later than
-//! the instance's own.
+//! the instance's own. It is the clamped t that must lie between `t_min` and `t_max`.
 //!
 //! Within an instance closed meshes do not leak: one rounded ray meets all its triangles. Between two instances that only
 //! touch, a ray may pass, since each rounds it in its own way.
