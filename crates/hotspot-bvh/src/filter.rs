@@ -6,7 +6,8 @@ use hotspot_probe::RayProbe;
 /// Decides whether a hit counts, for alpha masks and the like.
 ///
 /// The answer must depend on ray, instance and triangle alone. The traversal asks only where it matters (the hit would be
-/// the nearest so far, or would block), so how often it asks depends on the order of visits, which is the same everywhere.
+/// the nearest so far, or would block; ties with an instance are decided after asking), and about each triangle at most
+/// once. How often it asks depends on the order of visits, which is the same everywhere.
 pub trait Filter {
     /// False where every hit counts, so that the traversal need not ask.
     const ON: bool;

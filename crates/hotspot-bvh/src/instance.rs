@@ -7,7 +7,7 @@
 //!
 //! Its t is the one found there, clamped to the interval of the world box's slab test. As for single triangles, the clamp
 //! changes t by rounding errors only, and makes the answer independent of the tree: no ancestor's box is entered later than
-//! the instance's own.
+//! the instance's own. It is the clamped t that must lie between `t_min` and `t_max`.
 //!
 //! Within an instance closed meshes do not leak: one rounded ray meets all its triangles. Between two instances that only
 //! touch, a ray may pass, since each rounds it in its own way.
@@ -107,19 +107,23 @@ impl Placed {
     #[inline(always)]
     pub(crate) fn interval(&self, frame: &RayFrame, t_max: f32) -> Option<(f32, f32)> {
         let (enter, leave) = slab_interval(frame, &self.bounds.min, &self.bounds.max);
-        let near = if enter > frame.ray.t_min { enter } else { frame.ray.t_min };
-        (near <= leave * FAR_PAD && near <= t_max).then_some((near, if leave > near { leave } else { near }))
+        let t_min = frame.ray.t_min;
+        let near = if enter > t_min { enter } else { t_min };
+        let far = if leave > near { leave } else { near };
+        // Where the box ends at t_min, all in it would be clamped to there, and not count.
+        (near <= leave * FAR_PAD && near <= t_max && far > t_min).then_some((near, far))
     }
 
-    /// The ray in the mesh's space, up to `t_max`.
+    /// The ray in the mesh's space, up to `t_max`, for a world box entered at `near`. Where that is behind `t_min`, all
+    /// that lies before it is clamped to there, and counts.
     #[inline(always)]
-    pub(crate) fn object_ray(&self, ray: &Ray, t_max: f32) -> Ray {
+    pub(crate) fn object_ray(&self, ray: &Ray, (near, _): (f32, f32), t_max: f32) -> Ray {
         let origin = apply(&self.to_object, ray.origin, 1.0);
         let direction = apply(&self.to_object, ray.direction, 0.0);
         Ray {
             origin: [origin[0] as f32, origin[1] as f32, origin[2] as f32],
             direction: [direction[0] as f32, direction[1] as f32, direction[2] as f32],
-            t_min: ray.t_min,
+            t_min: if near > ray.t_min { 0.0 } else { ray.t_min },
             t_max,
         }
     }
@@ -134,12 +138,11 @@ impl Placed {
             m[0][1] * x + m[1][1] * y + m[2][1] * z,
             m[0][2] * x + m[1][2] * y + m[2][2] * z,
         ];
-        let length = (world[0] * world[0] + world[1] * world[1] + world[2] * world[2]).sqrt();
-        if length > 0.0 {
-            [(world[0] / length) as f32, (world[1] / length) as f32, (world[2] / length) as f32]
-        } else {
-            [0.0; 3]
-        }
+        // Scaled first: the squares of what an extreme matrix makes of it have no place in f64.
+        let largest = world[0].abs().max(world[1].abs()).max(world[2].abs());
+        let [x, y, z] = [world[0] / largest, world[1] / largest, world[2] / largest];
+        let length = (x * x + y * y + z * z).sqrt();
+        if length > 0.0 { [(x / length) as f32, (y / length) as f32, (z / length) as f32] } else { [0.0; 3] }
     }
 }
 

@@ -62,7 +62,7 @@ pub fn brute_force_instanced<F: Filter>(
     }
     for (index, placed) in bvh.instances.iter().enumerate() {
         let Some(interval) = placed.interval(&frame, ray.t_max) else { continue };
-        let inside = RayFrame::new(&placed.object_ray(ray, f32::INFINITY));
+        let inside = RayFrame::new(&placed.object_ray(ray, interval, f32::INFINITY));
         let mesh = &meshes[mesh_of[index] as usize];
         let Some((t, primitive)) = loop_over(mesh, &inside, index as u32, &mut filter) else { continue };
         let t = clamped(t, interval);
@@ -113,7 +113,8 @@ pub fn closest_filtered<F: Filter>(bvh: &Bvh, ray: &Ray, filter: F) -> (Option<(
     if bvh.root != Child::EMPTY && ray.is_finite() {
         // The root has no box: it is visited even if the interval is empty.
         let space = Space { frame: &RayFrame::new(ray), instance: NO_INSTANCE };
-        state.nearest(space, bvh.root, f32::NEG_INFINITY, ray.t_max, &mut best);
+        let end = End { t: ray.t_max, counts: false };
+        state.nearest(space, bvh.root, f32::NEG_INFINITY, end, &mut best);
     }
     let instance = |found: Found| found.instance.checked_sub(1).map_or(NO_INSTANCE, |i| i as u32);
     (best.map(|found| (instance(found), found.primitive, found.t)), state.counts)
@@ -137,6 +138,14 @@ pub fn occluded_filtered<F: Filter>(bvh: &Bvh, ray: &Ray, filter: F) -> (bool, C
 struct Space<'a> {
     frame: &'a RayFrame,
     instance: u32,
+}
+
+/// Where the search ends.
+#[derive(Clone, Copy)]
+struct End {
+    t: f32,
+    /// Whether a hit at `t` itself counts, since it may win a tie with one elsewhere.
+    counts: bool,
 }
 
 struct Search<'b, F> {
@@ -181,17 +190,17 @@ impl<F: Filter> Search<'_, F> {
         self.filter.accept(&candidate, &mut NoProbe)
     }
 
-    fn nearest(&mut self, space: Space<'_>, child: Child, near: f32, end: f32, best: &mut Option<Found>) {
-        let t_max = best.map_or(end, |b| b.t);
+    fn nearest(&mut self, space: Space<'_>, child: Child, near: f32, end: End, best: &mut Option<Found>) {
+        let t_max = best.map_or(end.t, |b| b.t);
         if near > t_max {
             return;
         }
         if child.is_leaf() && child.is_instance() {
-            self.nearest_of_instance(space, child, end, best);
+            self.nearest_of_instance(space, child, end.t, best);
         } else if child.is_leaf() {
             for (primitive, triangle) in self.leaf(child) {
-                if let Some(t) = confirm(space.frame, &triangle, end)
-                    && t < end
+                if let Some(t) = confirm(space.frame, &triangle, end.t)
+                    && (t < end.t || end.counts)
                 {
                     let instance = u64::from(space.instance.wrapping_add(1));
                     let found = Found { t, instance, primitive };
@@ -215,15 +224,14 @@ impl<F: Filter> Search<'_, F> {
         let Some(interval) = placed.interval(space.frame, t_max) else { return };
         self.counts.instances += 1;
         let limit = search_limit(t_max, interval);
-        let ray = placed.object_ray(&space.frame.ray, limit);
+        let ray = placed.object_ray(&space.frame.ray, interval, limit);
         if !ray.is_finite() {
             return;
         }
         let inside = Space { frame: &RayFrame::new(&ray), instance: child.index() as u32 };
-        // Hits at the limit count where they tie with another: look a little farther than the limit.
         let mut found = None;
-        let beyond = if best.is_some() && limit == t_max { limit.next_up() } else { limit };
-        self.nearest(inside, placed.root, f32::NEG_INFINITY, beyond, &mut found);
+        let inner_end = End { t: limit, counts: best.is_some() && limit == t_max };
+        self.nearest(inside, placed.root, f32::NEG_INFINITY, inner_end, &mut found);
         if let Some(mut found) = found {
             found.t = clamped(found.t, interval);
             if found.t < end && best.is_none_or(|best| found < best) {
@@ -242,7 +250,7 @@ impl<F: Filter> Search<'_, F> {
             }
             self.counts.instances += 1;
             let limit = if interval.1 < t_max { f32::INFINITY } else { t_max };
-            let ray = placed.object_ray(&space.frame.ray, limit);
+            let ray = placed.object_ray(&space.frame.ray, interval, limit);
             let inside = Space { frame: &RayFrame::new(&ray), instance: child.index() as u32 };
             return ray.is_finite() && self.any(inside, placed.root);
         }

@@ -47,7 +47,7 @@ pub struct Hit {
     pub primitive: u32,
     /// Index of the instance, [`NO_INSTANCE`] for triangles of the world.
     pub instance: u32,
-    /// Geometric normal in the world, of unit length, on the side from which the triangle is counter-clockwise; zero where the
-    /// triangle is degenerate.
+    /// Geometric normal in the world, of unit length, on the side from which the triangle is counter-clockwise (in its
+    /// mesh's own space: the front stays the front where an instance is mirrored); zero where the triangle is degenerate.
     pub normal: [f32; 3],
 }

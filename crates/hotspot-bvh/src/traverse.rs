@@ -132,7 +132,7 @@ pub(crate) fn closest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
     let triangle = bvh.blocks[best.block].triangle(best.lane);
     let (u, v, normal) = if INSTANCED && best.instance != NO_INSTANCE {
         let placed = &bvh.instances[best.instance as usize];
-        let frame = RayFrame::new(&placed.object_ray(ray, f32::INFINITY));
+        let frame = RayFrame::new(&placed.object_ray(ray, (0.0, 0.0), f32::INFINITY));
         let (u, v, normal) = details(&frame, &triangle);
         (u, v, placed.world_normal(normal))
     } else {
@@ -257,7 +257,7 @@ fn nearest_of_instance<S: Simd, P: RayProbe, F: Filter>(
             let placed = &place.bvh.instances[index];
             let Some(interval) = placed.interval(place.frame, best.t) else { return best };
             let limit = search_limit(best.t, interval);
-            let ray = placed.object_ray(&place.frame.ray, limit);
+            let ray = placed.object_ray(&place.frame.ray, interval, limit);
             probe.instance(index as u32);
             if !ray.is_finite() {
                 return best;
@@ -376,7 +376,7 @@ fn blocked_by_instance<S: Simd, P: RayProbe, F: Filter>(
             };
             // Where the box ends before t_max, every hit in it does too.
             let limit = if interval.1 < t_max { f32::INFINITY } else { t_max };
-            let ray = placed.object_ray(&place.frame.ray, limit);
+            let ray = placed.object_ray(&place.frame.ray, interval, limit);
             probe.instance(index as u32);
             if !ray.is_finite() {
                 return false;

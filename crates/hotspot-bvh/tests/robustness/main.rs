@@ -11,6 +11,11 @@
 //! * `determinism`: the same tree and hits whatever the instruction set and thread pool
 //! * `distance`: t, barycentrics and normal against exact arithmetic
 //! * `hostile`: geometry made to degrade the tree
+//! * `placed`: meshes placed in the world, and the check that the next two rooms share
+//! * `instances`: agreement, ties and ends of rays with meshes placed many times
+//! * `instance_building`: what cannot be placed; words, memory and bounds
+//! * `instance_geometry`: instances against copies, leaks of placed meshes, seams
+//! * `filters`: which hits count, and which of them the filter is asked about
 //!
 //! All randomness is seeded; nothing here has a false-alarm rate.
 
@@ -18,9 +23,14 @@ mod agreement;
 mod counts;
 mod determinism;
 mod distance;
+mod filters;
 mod hostile;
+mod instance_building;
+mod instance_geometry;
+mod instances;
 mod intervals;
 mod meshes;
+mod placed;
 mod support;
 mod ties;
 mod watertight;

@@ -145,6 +145,9 @@ pub(crate) struct Heard {
     pub(crate) node_ids: Vec<u32>,
     /// Block and its triangles.
     pub(crate) leaf_ids: Vec<(u32, u32)>,
+    pub(crate) instance_ids: Vec<u32>,
+    /// Texture look-ups and bytes told by filters.
+    pub(crate) alpha: (u64, u64),
     /// The flag of every call of `finish`.
     pub(crate) finished: Vec<bool>,
 }
@@ -163,10 +166,14 @@ impl RayProbe for Listener<'_> {
         self.0.counts.shapes += u64::from(shapes);
         self.0.leaf_ids.push((id, shapes));
     }
-    fn instance(&mut self, _id: u32) {
+    fn instance(&mut self, id: u32) {
         self.0.counts.instances += 1;
+        self.0.instance_ids.push(id);
     }
-    fn alpha(&mut self, _lookups: u32, _bytes: u32) {}
+    fn alpha(&mut self, lookups: u32, bytes: u32) {
+        self.0.alpha.0 += u64::from(lookups);
+        self.0.alpha.1 += u64::from(bytes);
+    }
     fn finish(self, hit: bool) {
         self.0.finished.push(hit);
     }
