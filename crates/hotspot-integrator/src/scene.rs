@@ -172,9 +172,19 @@ impl RenderScene {
         self.build_seconds
     }
 
-    /// Triangles, after dropping those without area.
+    /// Triangles stored, after dropping those without area; those of a mesh that is stored once count once.
     pub fn triangle_count(&self) -> usize {
         self.geometry.triangles.len()
+    }
+
+    /// Triangles in the world: those of every instance.
+    pub fn placed_triangle_count(&self) -> u64 {
+        self.object_triangles().iter().sum()
+    }
+
+    /// Instances of meshes that are stored once.
+    pub fn instance_count(&self) -> usize {
+        self.geometry.placed.len()
     }
 
     /// Emissive triangles.

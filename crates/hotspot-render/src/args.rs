@@ -1,6 +1,7 @@
 //! What can be said on the command line.
 
 use crate::fail::Fail;
+use crate::open::SceneArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use hotspot_cost::maps::{ColorMap, Exposure, Scale};
 use hotspot_cost::{CostModel, MetricSet};
@@ -85,12 +86,8 @@ pub(crate) fn nearest<'n>(text: &str, names: impl IntoIterator<Item = &'n str>) 
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct RenderArgs {
-    /// The scene: .gltf, .glb or .obj
-    #[arg(required_unless_present = "demo", conflicts_with = "demo")]
-    pub(crate) scene: Option<PathBuf>,
-    /// Render the built-in scene
-    #[arg(long)]
-    pub(crate) demo: bool,
+    #[command(flatten)]
+    pub(crate) open: SceneArgs,
     /// Folder for the outputs
     #[arg(short, long, value_name = "DIR", default_value = "hotspot-out")]
     pub(crate) output: PathBuf,
@@ -121,12 +118,6 @@ pub(crate) struct RenderArgs {
     /// Keep two independent halves of the samples, for confidence intervals
     #[arg(long)]
     pub(crate) intervals: bool,
-    /// Camera by name or by index ("#0" is the file's first)
-    #[arg(long, value_name = "NAME|#INDEX")]
-    pub(crate) camera: Option<String>,
-    /// Constant environment radiance, in place of the file's
-    #[arg(long, value_name = "R,G,B", value_parser = parse_rgb)]
-    pub(crate) env: Option<Rgb>,
     /// What to measure: all, none, names, or the groups rays, intersection, time, shading, cause, ledgers
     #[arg(long, value_name = "LIST", default_value = "all")]
     pub(crate) metrics: String,
@@ -142,18 +133,9 @@ pub(crate) struct RenderArgs {
     /// Stop after about so many seconds and keep what was done
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub(crate) time_limit: Option<f64>,
-    /// How much time to spend on the tree
-    #[arg(long, value_enum, default_value_t = QualityArg::Medium)]
-    pub(crate) bvh: QualityArg,
-    /// Instruction set of the traversal; all give the same result
-    #[arg(long, value_enum, default_value_t = IsaArg::Auto)]
-    pub(crate) isa: IsaArg,
     /// Further layers in the EXR: var (upper bounds of the variances)
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',')]
     pub(crate) layers: Vec<LayersArg>,
-    /// Most memory that loading the scene may take, in MiB
-    #[arg(long, value_name = "MIB", default_value_t = 8192)]
-    pub(crate) max_memory: u64,
     #[command(flatten)]
     pub(crate) views: ViewArgs,
     #[command(flatten)]
@@ -238,20 +220,6 @@ pub(crate) enum SamplerArg {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum QualityArg {
-    Fast,
-    Medium,
-    High,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum IsaArg {
-    Auto,
-    Portable,
-    Avx2,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum MapsArg {
     /// Rays, intersection and time
     Main,
@@ -286,10 +254,6 @@ impl ColorArg {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Roulette(pub(crate) Option<u32>);
 
-/// Linear red, green, blue.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Rgb(pub(crate) [f32; 3]);
-
 /// Where the range of a heat map comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum ScaleArg {
@@ -309,7 +273,7 @@ impl RenderArgs {
 
     /// Camera samples per pixel.
     pub(crate) fn samples(&self) -> u32 {
-        self.spp.unwrap_or(if self.demo { 32 } else { 64 })
+        self.spp.unwrap_or(if self.open.demo { 32 } else { 64 })
     }
 
     pub(crate) const fn cost_model(&self) -> CostModel {
@@ -336,16 +300,6 @@ fn parse_roulette(text: &str) -> Result<Roulette, String> {
         return Ok(Roulette(None));
     }
     text.parse().map(|n| Roulette(Some(n))).map_err(|_| "write a vertex index such as 4, or off".into())
-}
-
-fn parse_rgb(text: &str) -> Result<Rgb, String> {
-    let values: Vec<f32> = text.split(',').filter_map(|v| v.trim().parse().ok()).collect();
-    match <[f32; 3]>::try_from(values) {
-        Ok(rgb) if text.split(',').count() == 3 && rgb.iter().all(|c| c.is_finite() && *c >= 0.0) => {
-            Ok(Rgb(rgb))
-        }
-        _ => Err("write three numbers that are not negative, such as 1,1,1".into()),
-    }
 }
 
 fn parse_weight(text: &str) -> Result<f64, String> {
@@ -420,8 +374,6 @@ mod tests {
     fn values_are_checked() {
         assert_eq!(parse_size("640x360"), Ok((640, 360)));
         assert!(parse_size("640").is_err() && parse_size("0x4").is_err() && parse_size("1x99999").is_err());
-        assert_eq!(parse_rgb("1,2,3"), Ok(Rgb([1.0, 2.0, 3.0])));
-        assert!(parse_rgb("1,2").is_err() && parse_rgb("1,x,2,3").is_err() && parse_rgb("1,2,nan").is_err());
         assert!(parse_weight("-1").is_err() && parse_weight("nan").is_err());
         assert_eq!(parse_scale("0:5"), Ok(ScaleArg::Fixed(0.0, 5.0)));
         assert!(parse_scale("5:0").is_err());

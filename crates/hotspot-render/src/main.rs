@@ -6,6 +6,7 @@ mod commands;
 mod demo;
 mod fail;
 mod memory;
+mod open;
 mod output;
 mod progress;
 mod say;

@@ -1,18 +1,16 @@
 //! `render`: a scene in, a picture and what it cost out.
 
-use crate::args::{IsaArg, LayersArg, QualityArg, RenderArgs, SamplerArg, nearest};
+use crate::args::{LayersArg, RenderArgs, SamplerArg};
 use crate::fail::{FAILED, Fail, INTERRUPTED};
+use crate::memory;
+use crate::open::default_size;
 use crate::output::{Output, Writer};
 use crate::progress::Talker;
-use crate::{demo, memory};
 use hotspot_cost::document::{Note, Tree};
 use hotspot_cost::exr_io::Header;
 use hotspot_cost::{Document, LayerOptions, Layers, Metric, hotspots};
-use hotspot_integrator::{
-    BuildOptions, Control, Gather, Isa, Quality, RenderScene, Rendered, SamplerKind, Settings, Stop,
-    frame_bounds, render,
-};
-use hotspot_scene::{Camera, Environment, LoadOptions, Projection, Repair, Scene};
+use hotspot_integrator::{Control, Gather, RenderScene, Rendered, SamplerKind, Settings, Stop, render};
+use hotspot_scene::{Camera, Environment, Projection, Repair, Scene};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -33,10 +31,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     let writer = Writer::new(&args.output, &args.views)?;
 
     let start = Instant::now();
-    let mut scene = load(args)?;
-    if let Some(rgb) = args.env {
-        scene.environment = Some(Environment::Constant(rgb.0));
-    }
+    let scene = args.open.load()?;
     let load_seconds = start.elapsed().as_secs_f64();
     if args.metrics.split(',').any(|name| name.trim() == "ledgers") {
         talker.warn("note: --metrics ledgers: ledgers are not gathered yet; the other metrics are");
@@ -50,10 +45,10 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
         .num_threads(args.threads.unwrap_or(0) as usize)
         .build()
         .map_err(|e| Fail::new(FAILED, format!("cannot start the worker threads: {e}; try --threads 1")))?;
-    let prepared = RenderScene::prepare(&scene, build_options(args))?;
-    let (camera, camera_note) = choose_camera(args, &scene, &prepared)?;
+    let prepared = RenderScene::prepare(&scene, args.open.prepare_options())?;
+    let (camera, camera_note) = args.open.choose_camera(&scene, &prepared)?;
     let (width, height) =
-        args.size.unwrap_or_else(|| default_size(&camera, if args.demo { 640.0 } else { 960.0 }));
+        args.size.unwrap_or_else(|| default_size(&camera, if args.open.demo { 640.0 } else { 960.0 }));
     check_memory(width, height, args)?;
     let settings = settings(args, width, height, metrics)?;
     let mut repairs: Vec<Repair> = scene.repairs.iter().chain(prepared.repairs()).cloned().collect();
@@ -96,7 +91,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     document.render.threads = rendered.threads as u32;
     document.render.kernel = rendered.kernel.clone();
     document.tree = Tree {
-        builder: format!("obvhs ploc {}", build_options(args).quality.name()),
+        builder: format!("obvhs ploc {}", args.open.prepare_options().tree.quality.name()),
         width: hotspot_bvh::WIDTH,
         nodes: prepared.bvh().node_count() as u64,
         triangles: prepared.triangle_count() as u64,
@@ -158,93 +153,18 @@ fn find_hotspots(
     hotspots::of_layers(layers, metric, objects, prepared.objects(), HOTSPOTS)
 }
 
-fn load(args: &RenderArgs) -> Result<Scene, Fail> {
-    let options =
-        LoadOptions { max_memory_bytes: args.max_memory.saturating_mul(1 << 20), ..LoadOptions::default() };
-    match &args.scene {
-        Some(path) => Ok(hotspot_scene::load(path, &options)?),
-        None => Ok(hotspot_scene::load_glb_bytes("demo.glb", demo::GLB, &options)?),
-    }
-}
-
-const fn build_options(args: &RenderArgs) -> BuildOptions {
-    BuildOptions {
-        quality: match args.bvh {
-            QualityArg::Fast => Quality::Fast,
-            QualityArg::Medium => Quality::Medium,
-            QualityArg::High => Quality::High,
-        },
-        isa: match args.isa {
-            IsaArg::Auto => Isa::Auto,
-            IsaArg::Portable => Isa::Portable,
-            IsaArg::Avx2 => Isa::Avx2,
-        },
-    }
-}
-
-/// The camera asked for, the file's first, or one that frames the scene (with a note).
-fn choose_camera(
-    args: &RenderArgs,
-    scene: &Scene,
-    prepared: &RenderScene,
-) -> Result<(Camera, Option<Repair>), Fail> {
-    if let Some(wanted) = &args.camera {
-        let by_index = wanted.strip_prefix('#').and_then(|i| i.parse::<usize>().ok());
-        let found = match by_index {
-            Some(index) => scene.cameras.get(index),
-            None => scene.cameras.iter().find(|c| c.name == *wanted),
-        };
-        return match found {
-            Some(camera) => Ok((camera.clone(), None)),
-            None if scene.cameras.is_empty() => {
-                Err(Fail::usage(format!("--camera {wanted}: the scene has no cameras; leave the option out")))
-            }
-            None => {
-                let names: Vec<&str> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
-                let near = nearest(wanted, names.iter().copied());
-                let hint = near.map_or(String::new(), |near| format!("did you mean \"{near}\"? "));
-                Err(Fail::usage(format!(
-                    "--camera {wanted}: no such camera; {hint}the scene has {}",
-                    names.iter().map(|n| format!("\"{n}\"")).collect::<Vec<_>>().join(", ")
-                )))
-            }
-        };
-    }
-    if let Some(camera) = scene.cameras.first() {
-        return Ok((camera.clone(), None));
-    }
-    let (min, max) = prepared.bounds();
-    let note = Repair {
-        what: "no camera in the file: one that frames the scene is used".into(),
-        element: "scene".into(),
-        count: 1,
-    };
-    Ok((frame_bounds(min, max), Some(note)))
-}
-
-/// `long` pixels on the long edge at the camera's aspect (3:2 where it has none).
-fn default_size(camera: &Camera, long: f64) -> (u32, u32) {
-    let aspect = match camera.projection {
-        Projection::Perspective { aspect, .. } => aspect.unwrap_or(1.5),
-        Projection::Orthographic { xmag, ymag } => xmag / ymag,
-    };
-    let aspect = if aspect.is_finite() { aspect.clamp(0.01, 100.0) } else { 1.5 };
-    let short = |ratio: f64| ((long / ratio).round() as u32).max(1);
-    if aspect >= 1.0 { (long as u32, short(aspect)) } else { (short(1.0 / aspect), long as u32) }
-}
-
 /// Refuses frames that would not fit, before anything is allocated.
 fn check_memory(width: u32, height: u32, args: &RenderArgs) -> Result<(), Fail> {
     let halves = 1 + u64::from(args.intervals);
     // Sums in f64 and u64, then planes in f32, then the EXR writer's copy: about 800 bytes per pixel and half.
     let bytes = u64::from(width) * u64::from(height) * 800 * halves;
-    let limit = args.max_memory.saturating_mul(1 << 20);
+    let limit = args.open.max_memory.saturating_mul(1 << 20);
     if bytes > limit {
         return Err(Fail::usage(format!(
             "{width} x {height} pixels with every layer need about {} MiB, more than --max-memory {}; \
              make the picture smaller or raise the limit",
             bytes >> 20,
-            args.max_memory
+            args.open.max_memory
         )));
     }
     Ok(())
@@ -282,14 +202,32 @@ fn settings(
     Ok(settings)
 }
 
+/// What shines, in words.
+fn lights(scene: &Scene, prepared: &RenderScene) -> String {
+    let mut words = vec![format!("{} emissive triangles", prepared.light_count())];
+    if prepared.punctual_light_count() > 0 {
+        words.push(format!("{} punctual lights", prepared.punctual_light_count()));
+    }
+    match &scene.environment {
+        Some(Environment::Map(map)) => words.push(format!("environment \"{}\"", map.name)),
+        Some(Environment::Constant(_)) => words.push("a constant environment".into()),
+        None => {}
+    }
+    words.join(", ")
+}
+
 /// Says what is about to be rendered and what of the file will not be seen as its author meant it.
 fn announce(talker: &Talker, scene: &Scene, prepared: &RenderScene, repairs: &[Repair]) {
     talker.say(&format!(
-        "{}: {} triangles in {} objects, {} emissive triangles, tree built in {:.2} s",
+        "{}: {} triangles{} in {} objects, {}, tree built in {:.2} s",
         scene.name,
-        prepared.triangle_count(),
+        prepared.placed_triangle_count(),
+        match prepared.instance_count() {
+            0 => String::new(),
+            count => format!(" ({} stored, {count} instances)", prepared.triangle_count()),
+        },
         prepared.objects().len(),
-        prepared.light_count(),
+        lights(scene, prepared),
         prepared.build_seconds()
     ));
     let unmodelled = &scene.unmodelled;
@@ -336,7 +274,9 @@ fn described_settings(
     put("sampler", json!(settings.sampler.name()));
     put("intervals", json!(settings.intervals));
     put("camera", json!(camera.name));
-    put("env", json!(args.env.map(|rgb| rgb.0)));
+    for (name, value) in args.open.described() {
+        put(name, value);
+    }
     put("metrics", json!(args.metrics));
     put("no-radiance", json!(args.no_radiance));
     put("trace-shadow-rays", json!(settings.gather.trace_shadow_rays));
