@@ -37,12 +37,11 @@ const KNOWN: [&str; 13] = [
 ];
 
 /// Extensions that are not modelled, the factor without which they do nothing, and what is missing in the picture.
-const UNMODELLED: [(&str, &str, &str); 6] = [
+const UNMODELLED: [(&str, &str, &str); 5] = [
     ("KHR_materials_clearcoat", "clearcoatFactor", "the glossy coat over the surface is missing"),
     ("KHR_materials_sheen", "sheenColorFactor", "the velvety sheen at grazing angles is missing"),
     ("KHR_materials_iridescence", "iridescenceFactor", "the colours of the thin film are missing"),
     ("KHR_materials_anisotropy", "anisotropyStrength", "highlights are round instead of stretched"),
-    ("KHR_materials_dispersion", "dispersion", "the glass does not split light into colours"),
     (
         "KHR_materials_diffuse_transmission",
         "diffuseTransmissionFactor",
@@ -292,6 +291,10 @@ impl Reader<'_, '_, '_> {
                 self.note("thicknessTexture", "the thickness is that of the geometry");
             }
             absorption = self.absorption()?;
+            let dispersion = "extensions.KHR_materials_dispersion.dispersion";
+            if member::number(self.json, &self.path, dispersion)?.unwrap_or(0.0) > 0.0 {
+                self.note("KHR_materials_dispersion", "the glass does not split light into colours");
+            }
         }
         Ok(Bsdf::Glass { ior, thin, transmittance: base, absorption })
     }

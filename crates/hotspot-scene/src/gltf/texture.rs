@@ -107,9 +107,8 @@ impl<'d> Textures<'d> {
 /// plain image beside them serves; where there is none, the texture is left out, unless the file requires it.
 fn image(doc: &Document<'_>, texture: &gltf::Texture<'_>, notes: &mut Notes) -> Result<Option<usize>> {
     let path = format!("textures[{}]", texture.index());
-    let known = FOREIGN.map(|(name, _)| name);
-    let known = [WEBP, known[0], known[1], known[2]];
-    doc.note_unknown(&path, texture.name(), &known, notes);
+    let [(basisu, _), (avif, _), (dds, _)] = FOREIGN;
+    doc.note_unknown(&path, texture.name(), &[WEBP, basisu, avif, dds], notes);
     let json = doc.json().get("textures").and_then(|textures| textures.get(texture.index()));
     let count = doc.gltf.images().len();
     let webp =

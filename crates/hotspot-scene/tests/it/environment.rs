@@ -208,13 +208,29 @@ fn limits_are_kept_before_anything_is_allocated() {
     refused(huge.as_bytes(), LoadOptions { max_memory_bytes: 1 << 30, ..Default::default() }, "memory limit");
     let huge = format!("{header}\n\n-Y 4000000 +X 4000000\n");
     refused(huge.as_bytes(), LoadOptions::default(), "4000000x4000000");
-    // A data window of 2^30 on a side, in a file of a few hundred bytes.
+    // Headers of small files that state a large data window.
+    let enlarge = |bytes: &mut [u8], last: u32, chunks: u32| {
+        let at = bytes.windows(10).position(|window| window == b"dataWindow").unwrap();
+        let most = at + b"dataWindow\0box2i\0".len() + 4 + 8;
+        bytes[most..most + 8].copy_from_slice(&[last.to_le_bytes(), last.to_le_bytes()].concat());
+        let at = bytes.windows(10).position(|window| window == b"chunkCount").unwrap();
+        let count = at + b"chunkCount\0int\0".len() + 4;
+        bytes[count..count + 4].copy_from_slice(&chunks.to_le_bytes());
+    };
     let mut huge = ramp_exr(8, 4, LINES, false);
-    let at = huge.windows(10).position(|window| window == b"dataWindow").unwrap();
-    let window = at + b"dataWindow\0box2i\0".len() + 4;
-    huge[window + 8..window + 16].copy_from_slice(&[0xFF, 0xFF, 0xFF, 0x3F, 0xFF, 0xFF, 0xFF, 0x3F]);
-    let error = load("sky.exr", &huge).unwrap_err();
-    assert!(!error.to_string().is_empty());
+    enlarge(&mut huge, 0xF_FFFF, 0x10_0000);
+    refused(&huge, LoadOptions::default(), "1048576x1048576");
+    enlarge(&mut huge, 0x3FFF_FFFF, 1);
+    assert!(load("sky.exr", &huge).unwrap_err().to_string().contains("cannot be read"));
+    enlarge(&mut huge, 16383, 16384);
+    refused(&huge, LoadOptions { max_memory_bytes: 1 << 30, ..Default::default() }, "memory limit");
+    // As many tiles as texels, each with a record.
+    let mut tiles = ramp_exr(8, 4, TILES, false);
+    let at = tiles.windows(14).position(|window| window == b"tiles\0tiledesc").unwrap();
+    let size = at + b"tiles\0tiledesc\0".len() + 4;
+    tiles[size..size + 8].copy_from_slice(&[1, 0, 0, 0, 1, 0, 0, 0]);
+    enlarge(&mut tiles, 16383, 16384 * 16384);
+    refused(&tiles, LoadOptions::default(), "memory limit");
 }
 
 #[test]

@@ -312,7 +312,6 @@ fn extensions_that_are_not_modelled_are_named_where_they_act() {
         ("KHR_materials_sheen", "sheenColorFactor", json!([0, 0.1, 0]), json!([0, 0, 0])),
         ("KHR_materials_iridescence", "iridescenceFactor", json!(1), json!(0)),
         ("KHR_materials_anisotropy", "anisotropyStrength", json!(0.5), json!(0.0)),
-        ("KHR_materials_dispersion", "dispersion", json!(0.1), json!(0)),
         ("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor", json!(0.1), json!(0)),
     ];
     for (name, key, acting, idle) in cases {
@@ -321,6 +320,12 @@ fn extensions_that_are_not_modelled_are_named_where_they_act() {
         assert!(unmodelled(extended(pbr(0.0, 0.5), name, json!({}))).is_empty(), "{name}");
     }
     assert_eq!(unmodelled(extended(pbr(0.0, 0.5), "ACME_velvet", json!({}))), ["ACME_velvet"]);
+    // Only solid glass disperses.
+    let dispersing = extended(pbr(0.0, 0.0), "KHR_materials_dispersion", json!({"dispersion": 0.1}));
+    let glass = extended(dispersing, "KHR_materials_transmission", json!({"transmissionFactor": 1}));
+    assert!(unmodelled(glass.clone()).is_empty());
+    let solid = extended(glass, "KHR_materials_volume", json!({"thicknessFactor": 1}));
+    assert_eq!(unmodelled(solid), ["KHR_materials_dispersion"]);
 }
 
 #[test]

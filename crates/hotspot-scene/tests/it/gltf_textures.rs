@@ -209,6 +209,21 @@ fn textures_beyond_the_budget_are_halved_largest_first() {
 }
 
 #[test]
+fn textures_of_obj_files_keep_the_budget_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = encode(&picture(4, |x, _| [255 * (x % 2) as u8, 0, 0, 255]), ImageFormat::Png);
+    std::fs::write(folder.path().join("t.png"), image).unwrap();
+    std::fs::write(folder.path().join("m.mtl"), "newmtl m\nmap_Kd t.png\n").unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n")
+        .unwrap();
+    let scene = hotspot_scene::load(&path, &LoadOptions { max_texture_bytes: 16, ..Default::default() });
+    let scene = scene.unwrap();
+    assert_eq!(scene.textures[0].rgba[..], [188, 0, 0, 255].repeat(4));
+    assert_eq!(scene.unmodelled[0].feature, "texture resolution");
+}
+
+#[test]
 fn textures_are_reduced_to_what_the_memory_limit_leaves() {
     let image = encode(&picture(1024, |_, _| [1, 2, 3, 255]), ImageFormat::Png);
     let (json, bin) = with_images(&[image]);
