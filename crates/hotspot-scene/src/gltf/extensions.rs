@@ -8,9 +8,10 @@ use crate::error::{Result, unsupported};
 use crate::notes::Notes;
 
 /// Extensions whose meaning reaches the scene.
-const MODELLED: [&str; 10] = [
+const MODELLED: [&str; 11] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
+    "KHR_draco_mesh_compression",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_specular",
@@ -36,7 +37,6 @@ pub(crate) fn check_required(root: &Value) -> Result<()> {
             continue;
         }
         let remedy = match name {
-            "KHR_draco_mesh_compression" => "export the file again without mesh compression",
             "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" | "MSFT_texture_dds" => {
                 "export the file again with PNG or JPEG textures"
             }
