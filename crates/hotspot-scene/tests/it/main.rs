@@ -1,5 +1,6 @@
 //! Tests of the public interface: what is loaded, what is refused, what is mended.
 mod damage;
+mod damage_moving;
 mod gltf_animation;
 mod gltf_draco;
 mod gltf_features;
