@@ -4,9 +4,10 @@
 //! memory before it allocates. What the scene does not carry is named in [`Scene::unmodelled`], what was mended in
 //! [`Scene::repairs`].
 //!
-//! Limits of today: triangles only (no points, lines, curves); no skins, morph targets, animations or vertex
-//! colours; PNG, JPEG and WebP images; no mesh compression; of OBJ's polygons, those that cross themselves
-//! are split as fans.
+//! Skins and morph targets are bent, and animations shown, at one point in time ([`LoadOptions::time`]).
+//!
+//! Limits of today: triangles only (no points, lines, curves); PNG, JPEG and WebP images; of OBJ's polygons, those that
+//! cross themselves are split as fans.
 //!
 //! ```no_run
 //! let scene = hotspot_scene::load("scene.gltf".as_ref(), &hotspot_scene::LoadOptions::default())?;

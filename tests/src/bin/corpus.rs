@@ -134,7 +134,7 @@ fn attempt(file: &Path) -> Outcome {
     let [r, g, b] = Picture::of_frame(&rendered.frame).mean();
     let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
     let mut unmodelled: BTreeMap<&str, u64> = BTreeMap::new();
-    for item in scene.unmodelled.iter().chain(prepared.unmodelled()) {
+    for item in &scene.unmodelled {
         *unmodelled.entry(&item.feature).or_default() += 1;
     }
     let mut repairs: BTreeMap<&str, u64> = BTreeMap::new();

@@ -59,13 +59,18 @@ pub(crate) fn vectors<const N: usize>(
     if !allowed {
         return Err(wrong(&path, "componentType", format!("vectors of {N} are not stored as this here")));
     }
-    let count = accessor.count();
+    let provided = doc.provided(accessor.index());
+    let item = data.size() * N;
+    let count = provided.as_ref().map_or(accessor.count(), |bytes| bytes.len() / item);
     announce(doc, count, 4 * N as u64, &path)?;
     let mut out: Vec<[f32; N]> = room_for(count, &path)?;
     let sparse = accessor.sparse();
+    if let Some(bytes) = &provided {
+        Items { bytes, item, stride: item, count }.vectors(data, normalized, &mut out);
+        return Ok(out);
+    }
     match accessor.view() {
         Some(view) => {
-            let item = data.size() * N;
             let place = Place { path: &path, offset: accessor.offset(), item, alignment: data.size() };
             place.items(doc, &view, count, notes)?.vectors(data, normalized, &mut out);
         }

@@ -344,19 +344,21 @@ impl Keys {
                 value(key).iter().zip(value(key + 1)).map(|(a, b)| linear(*a, *b, share)).collect()
             }
             (Position::Between(key, s, seconds), Interpolation::CubicSpline) => {
-                let ends = value(key).iter().zip(value(key + 1));
-                let tangents = part(key, 2).iter().zip(part(key + 1, 0));
-                let hermite = |((a, b), (from, to)): ((&[f64; N], &[f64; N]), (&[f64; N], &[f64; N]))| {
-                    let mut out = [0.0; N];
-                    for (i, out) in out.iter_mut().enumerate() {
-                        *out = (2.0 * s * s * s - 3.0 * s * s + 1.0) * a[i]
-                            + seconds * (s * s * s - 2.0 * s * s + s) * from[i]
-                            + (-2.0 * s * s * s + 3.0 * s * s) * b[i]
-                            + seconds * (s * s * s - s * s) * to[i];
+                let weights = [
+                    2.0 * s * s * s - 3.0 * s * s + 1.0,
+                    seconds * (s * s * s - 2.0 * s * s + s),
+                    -2.0 * s * s * s + 3.0 * s * s,
+                    seconds * (s * s * s - s * s),
+                ];
+                // Value and tangent of this key, value and tangent of the next.
+                let parts = [value(key), part(key, 2), value(key + 1), part(key + 1, 0)];
+                let mut sums = vec![[0.0; N]; items];
+                for (values, weight) in parts.into_iter().zip(weights) {
+                    for (sum, c) in sums.iter_mut().flatten().zip(values.iter().flatten()) {
+                        *sum += weight * c;
                     }
-                    out
-                };
-                ends.zip(tangents).map(hermite).collect()
+                }
+                sums
             }
         };
         if out.iter().flatten().all(|c| c.is_finite()) {

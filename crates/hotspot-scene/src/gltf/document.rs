@@ -1,7 +1,9 @@
 //! The parsed file with its buffers: checked access to byte ranges.
 
 use std::borrow::Cow;
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
+use std::collections::HashMap;
+use std::rc::Rc;
 
 use gltf::buffer::{Source, View};
 use serde_json::Value;
@@ -33,6 +35,8 @@ pub(crate) struct Document<'a> {
     buffers: Vec<OnceCell<Cow<'a, [u8]>>>,
     /// Compressed buffer views, once decoded.
     views: Vec<OnceCell<Vec<u8>>>,
+    /// Packed data of accessors, decoded from elsewhere than their views.
+    provided: RefCell<HashMap<usize, Rc<[u8]>>>,
 }
 
 impl<'a> Document<'a> {
@@ -80,6 +84,7 @@ impl<'a> Document<'a> {
             bin,
             buffers,
             views,
+            provided: RefCell::default(),
         })
     }
 
@@ -159,6 +164,16 @@ impl<'a> Document<'a> {
                 "the data is damaged or cut short: copy or export it again",
             )
         })
+    }
+
+    /// Sets the packed data of an accessor, in place of what its view holds.
+    pub(crate) fn provide(&self, accessor: usize, bytes: Rc<[u8]>) {
+        self.provided.borrow_mut().insert(accessor, bytes);
+    }
+
+    /// What [`Self::provide`] has set.
+    pub(crate) fn provided(&self, accessor: usize) -> Option<Rc<[u8]>> {
+        self.provided.borrow().get(&accessor).cloned()
     }
 
     /// The bytes of a buffer view, decompressed where they are compressed.

@@ -9,10 +9,11 @@ use crate::error::{Result, unsupported};
 use crate::notes::Notes;
 
 /// Extensions whose meaning reaches the scene.
-const MODELLED: [&str; 15] = [
+const MODELLED: [&str; 16] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
@@ -49,7 +50,6 @@ pub(crate) fn check_required(root: &Value) -> Result<()> {
             continue;
         }
         let remedy = match name {
-            "KHR_draco_mesh_compression" => "export the file again without mesh compression",
             _ => "export the file again without it, or with it as optional",
         };
         return Err(unsupported(

@@ -10,6 +10,7 @@ mod camera;
 mod colors;
 mod deform;
 mod document;
+mod draco;
 mod extensions;
 pub(crate) mod glb;
 mod graph;
@@ -346,6 +347,7 @@ impl<'d, 'a> Loader<'d, 'a> {
         };
         let normal_map = self.scene.materials.get(material.index as usize).and_then(|m| m.normal_map);
         sources.tangents = normal_map.map(|map| TangentSources::of(primitive, map.texture.second_uvs));
+        sources.draco = draco::stream(self.doc, &path);
         let bent = deformation.key(mesh.index(), primitive.index());
         let key = (sources, bent);
         if let Some(known) = self.meshes.get(&key) {

@@ -7,6 +7,7 @@ use super::accessor::{self, Kind};
 use super::colors;
 use super::deform::{self, Deformation, Vertices};
 use super::document::Document;
+use super::draco;
 use super::tangents::{self, TangentSources};
 use crate::error::{Result, limit};
 use crate::geometry;
@@ -25,6 +26,8 @@ pub(crate) struct Sources {
     colors: Option<usize>,
     /// Set where the material has a normal map.
     pub(crate) tangents: Option<TangentSources>,
+    /// The buffer view of a compressed primitive.
+    pub(crate) draco: Option<u64>,
 }
 
 /// How vertices form triangles.
@@ -72,7 +75,17 @@ impl Sources {
         let colors = find(Semantic::Colors(0));
         let indices = primitive.indices().map(|accessor| accessor.index());
         let normals = find(Semantic::Normals);
-        Some(Self { positions, normals, uvs, second_uvs, indices, shape, colors, tangents: None })
+        Some(Self {
+            positions,
+            normals,
+            uvs,
+            second_uvs,
+            indices,
+            shape,
+            colors,
+            tangents: None,
+            draco: None,
+        })
     }
 
     /// Reads, bends and cleans the mesh; `None` where no triangle is left (noted).
@@ -86,6 +99,10 @@ impl Sources {
         notes: &mut Notes,
     ) -> Result<Option<Mesh>> {
         let at = |index: Option<usize>| index.and_then(|index| doc.gltf.accessors().nth(index));
+        let compressed = match self.draco {
+            Some(_) => Some(draco::decode(doc, primitive, path, notes)?),
+            None => None,
+        };
         let Some(positions) = at(Some(self.positions)) else { return Ok(None) };
         let positions = accessor::vectors::<3>(doc, &positions, Kind::Vector, notes)?;
         let vertices = positions.len();
@@ -122,15 +139,21 @@ impl Sources {
                 ));
             }
         }
-        let indices = match at(self.indices) {
-            Some(accessor) => accessor::indices(doc, &accessor, vertices, notes)?,
-            None => {
+        let indices = match (compressed, at(self.indices)) {
+            (Some(indices), _) => indices,
+            (None, Some(accessor)) => accessor::indices(doc, &accessor, vertices, notes)?,
+            (None, None) => {
                 doc.budget.charge(vertices as u64, 4, path)?;
                 let count = u32::try_from(vertices)
                     .map_err(|_| limit(path, "the primitive has more than 2³² vertices", "split the mesh"))?;
                 (0..count).collect()
             }
         };
+        if self.draco.is_some() && indices.iter().any(|index| *index as usize >= vertices) {
+            let problem =
+                format!("there are more vertices in the compressed stream than the {vertices} positions");
+            return Err(crate::error::invalid(path, problem, crate::error::REEXPORT));
+        }
         doc.budget.charge(indices.len() as u64, 12, path)?;
         // What `clean` holds for a moment: a flag, a sum and an index per vertex.
         doc.budget.charge(vertices as u64, 48, path)?;

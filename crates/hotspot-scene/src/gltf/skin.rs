@@ -77,7 +77,7 @@ impl Skins {
         }
         let mut matrices = Vec::with_capacity(skin.joints.len());
         for (j, joint) in skin.joints.iter().enumerate() {
-            let joint = self.to_world(doc, poses, joint.value(), &format!("{path}.joints[{j}]"), notes)?;
+            let joint = self.place(doc, poses, joint.value(), &format!("{path}.joints[{j}]"), notes)?;
             matrices.push(match inverse.as_ref().and_then(|inverse| inverse.get(j)) {
                 Some(inverse) => graph::multiply(&joint, inverse),
                 None => joint,
@@ -91,7 +91,7 @@ impl Skins {
     }
 
     /// Where a node stands, along its own parents where the scene does not reach it.
-    fn to_world(
+    fn place(
         &mut self,
         doc: &Document<'_>,
         poses: &Poses,
@@ -188,7 +188,13 @@ pub(crate) fn is_bound(primitive: &gltf::Primitive<'_>) -> bool {
 
 /// Joints and weights of all vertices: one set of four for each `JOINTS_n`.
 struct Influences {
-    sets: Vec<(Vec<[f32; 4]>, Vec<[f32; 4]>)>,
+    sets: Vec<Set>,
+}
+
+/// Four joints and their weights for each vertex.
+struct Set {
+    joints: Vec<[f32; 4]>,
+    weights: Vec<[f32; 4]>,
 }
 
 impl Influences {
@@ -223,16 +229,16 @@ impl Influences {
                     ));
                 }
             }
-            sets.push((joints, weights));
+            sets.push(Set { joints, weights });
         }
         Ok(Self { sets })
     }
 
     /// Joint and weight of what moves a vertex.
     fn of(&self, vertex: usize) -> impl Iterator<Item = (f32, f32)> {
-        self.sets.iter().flat_map(move |(joints, weights)| {
-            let joints = joints.get(vertex).copied().unwrap_or_default();
-            let weights = weights.get(vertex).copied().unwrap_or_default();
+        self.sets.iter().flat_map(move |set| {
+            let joints = set.joints.get(vertex).copied().unwrap_or_default();
+            let weights = set.weights.get(vertex).copied().unwrap_or_default();
             joints.into_iter().zip(weights)
         })
     }

@@ -79,7 +79,7 @@ fn broken_compression_is_refused_by_name() {
     ];
     for (case, change, parts) in cases {
         let result = load_compressed(|json| {
-            change(&mut json["bufferViews"][0]["extensions"]["EXT_meshopt_compression"])
+            change(&mut json["bufferViews"][0]["extensions"]["EXT_meshopt_compression"]);
         });
         assert_refused(result, case, "test.glb", parts);
     }

@@ -131,11 +131,6 @@ const REFUSED: &[Case] = &[
     ("a root named twice", |j| j["scenes"][0]["nodes"] = json!([0, 0]), &["scenes[0].nodes"]),
     ("no asset", |j| j["asset"] = Value::Null, &["asset"]),
     ("glTF 1.0", |j| j["asset"]["version"] = "1.0".into(), &["asset", "1.0"]),
-    (
-        "required draco",
-        |j| j["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]),
-        &["extensionsRequired[0]", "KHR_draco_mesh_compression", "without mesh compression"],
-    ),
     ("required unknown", |j| j["extensionsRequired"] = json!(["ACME_fog"]), &["ACME_fog", "optional"]),
     (
         "ior below 0",

@@ -1,7 +1,9 @@
 //! Tests of the public interface: what is loaded, what is refused, what is mended.
 mod damage;
+mod damage_moving;
 mod environment;
 mod gltf_animation;
+mod gltf_draco;
 mod gltf_features;
 mod gltf_instancing;
 mod gltf_lights;

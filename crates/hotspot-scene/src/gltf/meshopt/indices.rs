@@ -119,7 +119,7 @@ fn write(index: u32, stride: usize, out: &mut Vec<u8>) {
 
 /// Mode 1: appends `count` indices of `stride` bytes (2 or 4), three for each triangle.
 pub(super) fn triangles(source: &[u8], count: usize, stride: usize, out: &mut Vec<u8>) -> Decoded<()> {
-    if count % 3 != 0 {
+    if !count.is_multiple_of(3) {
         return Err("the number of compressed indices is not a multiple of three");
     }
     let mut reader = Reader { rest: source };
