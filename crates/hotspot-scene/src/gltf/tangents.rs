@@ -2,6 +2,7 @@
 //! baked for (Mikkelsen 2008, "Simulation of Wrinkled Surfaces Revisited").
 
 use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
 
 use bevy_mikktspace::{Geometry, Ops, TangentSpace};
 use gltf::Semantic;
@@ -28,6 +29,10 @@ impl TangentSources {
         Self { accessor, second_uvs }
     }
 }
+
+/// The generator takes time by the square of the corners that meet in a vertex: at this sum of squares, seconds. Meshes made
+/// for normal maps stay far below (ten thousand triangles around one point are 10⁸).
+const MOST_EFFORT: u64 = 200_000_000;
 
 /// Bytes that generating takes for each corner at most, while it runs and in what it leaves.
 const BYTES_PER_CORNER: u64 = 400;
@@ -57,7 +62,9 @@ pub(crate) fn complete(
     if mesh.normals.is_none() {
         flatten(mesh);
     }
-    generate(mesh, sources.second_uvs);
+    if !generate(mesh, sources.second_uvs) {
+        notes.repair("too many triangles meet in a vertex: normal map left out", path, 1);
+    }
     geometry::mend_tangents(mesh, path, notes);
     Ok(())
 }
@@ -84,10 +91,11 @@ fn pick<T: Copy>(items: &[T], indices: &[u32]) -> Vec<T> {
     indices.iter().filter_map(|i| items.get(*i as usize).copied()).collect()
 }
 
-/// Generates tangents per corner; vertices whose corners disagree are split, the others stay shared.
-fn generate(mesh: &mut Mesh, second_uvs: bool) {
+/// Generates tangents per corner; vertices whose corners disagree are split, the others stay shared. False where that
+/// would take too long.
+fn generate(mesh: &mut Mesh, second_uvs: bool) -> bool {
     let uvs = if second_uvs { mesh.second_uvs.as_deref() } else { mesh.uvs.as_deref() };
-    let (Some(uvs), Some(normals)) = (uvs, mesh.normals.as_deref()) else { return };
+    let (Some(uvs), Some(normals)) = (uvs, mesh.normals.as_deref()) else { return true };
     let mut corners = Corners {
         positions: &mesh.positions,
         normals,
@@ -97,12 +105,12 @@ fn generate(mesh: &mut Mesh, second_uvs: bool) {
         uv_scale: scale(uvs.iter().flatten()),
         tangents: vec![[0.0; 4]; 3 * mesh.triangles.len()],
     };
-    // It has no errors to tell of.
-    if bevy_mikktspace::generate_tangents(&mut corners).is_err() {
-        return;
+    if corners.effort() > MOST_EFFORT || bevy_mikktspace::generate_tangents(&mut corners).is_err() {
+        return false;
     }
     let tangents = corners.tangents;
     share(mesh, &tangents);
+    true
 }
 
 /// A power of two that brings the largest number near 1. Tangents do not depend on the scale, but the generator multiplies
@@ -172,6 +180,25 @@ struct Corners<'m> {
 }
 
 impl Corners<'_> {
+    /// The sum of the squares of how many corners agree in position, normal and texture coordinates.
+    fn effort(&self) -> u64 {
+        let key = |vertex: u32| {
+            let mut hasher = DefaultHasher::new();
+            let vertex = vertex as usize;
+            let numbers = self.positions.get(vertex).into_iter().flatten();
+            let numbers = numbers.chain(self.normals.get(vertex).into_iter().flatten());
+            for number in numbers.chain(self.uvs.get(vertex).into_iter().flatten()) {
+                // Zeros of either sign agree.
+                (number + 0.0).to_bits().hash(&mut hasher);
+            }
+            hasher.finish()
+        };
+        let mut keys: Vec<u64> = self.triangles.iter().flatten().map(|vertex| key(*vertex)).collect();
+        keys.sort_unstable();
+        let runs = keys.chunk_by(|a, b| a == b).map(|run| run.len() as u64);
+        runs.fold(0, |sum, run| sum.saturating_add(run.saturating_mul(run)))
+    }
+
     fn at<const N: usize>(&self, items: &[[f32; N]], face: usize, corner: usize) -> [f32; N] {
         let vertex = self.triangles.get(face).and_then(|triangle| triangle.get(corner));
         vertex.and_then(|vertex| items.get(*vertex as usize)).copied().unwrap_or([0.0; N])
@@ -243,7 +270,7 @@ mod tests {
         if mesh.normals.is_none() {
             flatten(&mut mesh);
         }
-        generate(&mut mesh, second_uvs);
+        assert!(generate(&mut mesh, second_uvs));
         let mut notes = Notes::default();
         geometry::mend_tangents(&mut mesh, "m", &mut notes);
         let repairs = notes.into_lists().1.iter().map(|repair| repair.count).sum();
@@ -343,6 +370,31 @@ mod tests {
             for [x, _, _, w] in mesh.tangents.unwrap() {
                 assert!((x - 1.0).abs() < 1e-5 && w == 1.0, "{position} {uv}: {x} {w}");
             }
+        }
+    }
+
+    #[test]
+    fn fans_that_would_take_minutes_are_left_out() {
+        // Around one vertex, and stacked with vertices of their own.
+        for shared in [true, false] {
+            let fan = |count: u32| {
+                let mut mesh = Mesh::default();
+                for i in 0..count {
+                    let first = if shared && i > 0 { 0 } else { mesh.positions.len() as u32 };
+                    if !shared || i == 0 {
+                        mesh.positions.push([0.0; 3]);
+                    }
+                    let next = mesh.positions.len() as u32;
+                    let angle = i as f32 * 1e-3;
+                    mesh.positions.extend([[angle.cos(), angle.sin(), 0.0], [0.0, 0.0, 1.0 + angle]]);
+                    mesh.triangles.push([first, next, next + 1]);
+                }
+                mesh.normals = Some(vec![[0.0, 0.0, 1.0]; mesh.positions.len()]);
+                mesh.uvs = Some(mesh.positions.iter().map(|p| [p[0], p[2]]).collect());
+                mesh
+            };
+            assert!(!generate(&mut fan(20_000), false));
+            assert!(generate(&mut fan(500), false));
         }
     }
 
