@@ -69,6 +69,22 @@ pub(crate) fn inverse(m: &[[f64; 4]; 3]) -> Option<[[f64; 4]; 3]> {
     (faithful && out.iter().flatten().all(|c| c.is_finite())).then_some(out)
 }
 
+/// Scales between a mesh's space and the world, and places, that leave f32 room for lengths and their squares.
+const LARGEST: f64 = 1e15;
+
+/// The inverse for an instance of a mesh in these boxes, where it makes sense to f32: so that neither a point nor a ray's
+/// direction leaves its range on the way from one space to the other.
+fn moderate_inverse(boxes: &[Bounds], to_world: &[[f64; 4]; 3]) -> Option<[[f64; 4]; 3]> {
+    let moderate = |m: &[[f64; 4]; 3]| m.iter().flatten().all(|c| c.abs() < LARGEST);
+    let small = boxes.iter().flat_map(|b| [b.min, b.max]).flatten().all(|c| f64::from(c.abs()) < LARGEST);
+    inverse(to_world).filter(|back| small && moderate(to_world) && moderate(back))
+}
+
+/// Whether [`Placed::new`] takes an instance.
+pub(crate) fn can_place(bounds: &Bounds, to_world: &[[f64; 4]; 3]) -> bool {
+    moderate_inverse(&[*bounds], to_world).is_some() && enclose(to_world, &[*bounds]).is_some()
+}
+
 /// A world box around boxes placed by `m`, rounded outwards; `None` when it is not finite.
 fn enclose(m: &[[f64; 4]; 3], boxes: &[Bounds]) -> Option<Bounds> {
     let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
@@ -91,7 +107,7 @@ impl Placed {
     /// `boxes` enclose the mesh between them, in its own space. `None` when the matrix cannot be inverted, or the place
     /// is beyond the range of f32.
     pub(crate) fn new(root: Child, boxes: &[Bounds], to_world: &[[f64; 4]; 3]) -> Option<Self> {
-        let to_object = inverse(to_world)?;
+        let to_object = moderate_inverse(boxes, to_world)?;
         Some(Self { root, bounds: enclose(to_world, boxes)?, to_object })
     }
 

@@ -154,9 +154,10 @@ impl Bvh {
         build::build(triangles, meshes, instances, options)
     }
 
-    /// Whether an instance with this matrix can be part of a tree.
-    pub fn can_place(to_world: &[[f64; 4]; 3]) -> bool {
-        instance::inverse(to_world).is_some()
+    /// Whether a mesh of these bounds, so placed, can be an instance: the matrix must have a faithful inverse, and place
+    /// and scale must stay well within the range of f32.
+    pub fn can_place(min: [f32; 3], max: [f32; 3], to_world: &[[f64; 4]; 3]) -> bool {
+        instance::can_place(&Bounds { min, max }, to_world)
     }
 
     /// The nearest hit of `ray` in (`t_min`, `t_max`).

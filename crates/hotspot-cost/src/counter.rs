@@ -39,7 +39,7 @@ pub enum Counter {
     /// Bytes of texels touched.
     TextureBytes,
     /// Hits that were asked whether the surface is there at all (alpha tests).
-    Alpha,
+    AlphaTests,
     /// Nodes visited in vain: by paths that brought no radiance, and by blocked shadow rays of the others.
     WasteNodes,
     /// Triangles tested in vain, likewise.
@@ -75,7 +75,7 @@ impl Counter {
         Self::Bsdf,
         Self::Texture,
         Self::TextureBytes,
-        Self::Alpha,
+        Self::AlphaTests,
         Self::WasteNodes,
         Self::WasteShapes,
         Self::Escaped,
@@ -102,7 +102,7 @@ impl Counter {
             Self::Bsdf => "bsdf",
             Self::Texture => "texture",
             Self::TextureBytes => "texture_bytes",
-            Self::Alpha => "alpha",
+            Self::AlphaTests => "alpha_tests",
             Self::WasteNodes => "waste_nodes",
             Self::WasteShapes => "waste_shapes",
             Self::Escaped => "escaped",

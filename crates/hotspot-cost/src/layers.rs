@@ -249,6 +249,7 @@ mod tests {
             "bsdf",
             "texture",
             "texture_bytes",
+            "alpha_tests",
             "waste",
         ];
         let cause = ["throughput", "escaped", "absorbed", "roulette", "depth_limit"];

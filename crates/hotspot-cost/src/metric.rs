@@ -98,7 +98,7 @@ pub enum Metric {
     /// Bytes of texels touched.
     TextureBytes,
     /// Alpha tests.
-    Alpha,
+    AlphaTests,
     /// Throughput at the path's end.
     Throughput,
     /// Share of paths that left the scene.
@@ -133,7 +133,7 @@ impl Metric {
         Self::Bsdf,
         Self::Texture,
         Self::TextureBytes,
-        Self::Alpha,
+        Self::AlphaTests,
         Self::Throughput,
         Self::Escaped,
         Self::Absorbed,
@@ -222,7 +222,7 @@ impl Metric {
             Self::Bsdf => Source::One(Counter::Bsdf),
             Self::Texture => Source::One(Counter::Texture),
             Self::TextureBytes => Source::One(Counter::TextureBytes),
-            Self::Alpha => Source::One(Counter::Alpha),
+            Self::AlphaTests => Source::One(Counter::AlphaTests),
             Self::Throughput => Source::Throughput,
             Self::Escaped => Source::One(Counter::Escaped),
             Self::Absorbed => Source::One(Counter::Absorbed),

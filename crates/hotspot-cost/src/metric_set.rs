@@ -38,7 +38,7 @@ impl MetricSet {
             ],
         ),
         ("time", &[Metric::TimeUs]),
-        ("shading", &[Metric::Bsdf, Metric::Texture, Metric::TextureBytes, Metric::Alpha]),
+        ("shading", &[Metric::Bsdf, Metric::Texture, Metric::TextureBytes, Metric::AlphaTests]),
         (
             "cause",
             &[Metric::Throughput, Metric::Escaped, Metric::Absorbed, Metric::Roulette, Metric::DepthLimit],

@@ -303,7 +303,7 @@ struct PathCounts {
     bsdf: u64,
     texture: u64,
     texture_bytes: u64,
-    alpha: u64,
+    alpha_tests: u64,
 }
 
 /// The counts of one or more rays.
@@ -368,7 +368,7 @@ impl PathRecorder<'_> {
         pixel.add(Counter::Bsdf, path.bsdf);
         pixel.add(Counter::Texture, path.texture);
         pixel.add(Counter::TextureBytes, path.texture_bytes);
-        pixel.add(Counter::Alpha, path.alpha);
+        pixel.add(Counter::AlphaTests, path.alpha_tests);
         let (waste_nodes, waste_shapes) =
             if end.brought_radiance { (path.blocked_nodes, path.blocked_shapes) } else { (nodes, shapes) };
         pixel.add(Counter::WasteNodes, waste_nodes);
@@ -446,7 +446,7 @@ impl RayProbe for RayCounter<'_> {
 
     #[inline(always)]
     fn alpha(&mut self, lookups: u32, bytes: u32) {
-        self.path.alpha += 1;
+        self.path.alpha_tests += 1;
         self.path.texture += u64::from(lookups);
         self.path.texture_bytes += u64::from(bytes);
     }

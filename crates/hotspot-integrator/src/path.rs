@@ -164,10 +164,9 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
                 simd,
                 scene,
                 settings,
-                &Vertex { part, point: &point, geometric, frame: &frame, local_wo, bounce: bounces },
+                &Vertex { part, point: &point, geometric, frame: &frame, local_wo, bounce: bounces, sampler },
                 &resolved,
                 [directions[2], directions[3]],
-                sampler,
                 probe,
             );
             radiance += throughput * direct;
@@ -224,6 +223,7 @@ struct Vertex<'a> {
     frame: &'a Frame,
     local_wo: Vec3,
     bounce: u32,
+    sampler: &'a Sampler<'a>,
 }
 
 /// The light-sampled half of direct light, weighted.
@@ -235,7 +235,6 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
     vertex: &Vertex<'_>,
     bsdf: &Bsdf,
     u: [f32; 2],
-    sampler: &Sampler<'_>,
     probe: &mut P,
 ) -> Vec3 {
     let lights = &scene.lights;
@@ -303,7 +302,7 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
         probe.untraced(spawner);
         return Vec3::ZERO;
     }
-    if occluded(simd, scene, &ray, sampler, vertex.bounce, probe.ray(spawner)) {
+    if occluded(simd, scene, &ray, vertex.sampler, vertex.bounce, probe.ray(spawner)) {
         return Vec3::ZERO;
     }
     f_cos * emission * (power_heuristic(light.pdf, bsdf_pdf) / light.pdf)

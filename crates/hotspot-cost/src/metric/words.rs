@@ -103,8 +103,8 @@ impl Metric {
             Self::TextureBytes => {
                 ("texture_bytes", "Texture bytes", "bytes per path", "Bytes of texture touched.")
             }
-            Self::Alpha => (
-                "alpha",
+            Self::AlphaTests => (
+                "alpha_tests",
                 "Alpha tests",
                 "tests per path",
                 "How often a hit was asked whether the surface is there at all.",

@@ -20,7 +20,7 @@ fn a_full_page_stays_below_five_megabytes() {
     let page = html(&sample.report());
     assert!(page.len() < 5_000_000, "{} bytes", page.len());
     let data = embedded(&page);
-    assert_eq!(data["maps"].as_array().unwrap().len(), 22);
+    assert_eq!(data["maps"].as_array().unwrap().len(), 23);
     assert_eq!(data["maps"][1]["metric"], "intersection");
     let back = super::super::codec::tests::unpack(&data["maps"][1]["plane"]);
     let worst =

@@ -22,7 +22,7 @@ const LAYERS: [(&str, &str, &str); 23] = [
     ("bsdf", "BSDF evaluations", "evaluations"),
     ("texture", "Texture look-ups", "look-ups"),
     ("texture_bytes", "Texture bytes", "bytes"),
-    ("alpha", "Alpha tests", "tests"),
+    ("alpha_tests", "Alpha tests", "tests"),
     ("waste", "Wasted work", "nodes + triangles"),
     ("cause.throughput", "Throughput at the end", ""),
     ("cause.escaped", "Escaped", ""),

@@ -57,27 +57,47 @@ fn has_area(t: &[[f32; 3]; 3]) -> bool {
 
 /// For each instance whether its mesh is stored once.
 fn stored_once(scene: &Scene, instancing: Instancing) -> Vec<bool> {
-    let can = |instance: &Instance| {
-        // Light sampling wants the triangles of emitters in the world.
-        let material = &scene.materials[instance.material as usize];
-        let mesh = &scene.meshes[instance.mesh as usize];
-        !material.is_emissive() && !mesh.triangles.is_empty() && Bvh::can_place(&instance.to_world)
-    };
     let mut uses = vec![0u64; scene.meshes.len()];
-    if instancing != Instancing::Never && scene.instances.len() > scene.meshes.len() / 2 {
-        for instance in scene.instances.iter().filter(|i| can(i)) {
-            uses[instance.mesh as usize] += 1;
-        }
+    if instancing == Instancing::Never {
+        return vec![false; scene.instances.len()];
     }
-    let pays = |mesh: u32| {
-        let copies = uses[mesh as usize].saturating_sub(1);
+    for instance in &scene.instances {
+        uses[instance.mesh as usize] += 1;
+    }
+    let pays = |mesh: u32, uses: u64| {
+        let copies = uses.saturating_sub(1);
         match instancing {
             Instancing::Never => false,
             Instancing::Always => copies > 0,
             Instancing::Auto => copies * scene.meshes[mesh as usize].triangles.len() as u64 > COPIES_THAT_PAY,
         }
     };
-    scene.instances.iter().map(|i| pays(i.mesh) && can(i)).collect()
+    let candidates: Vec<bool> = scene.instances.iter().map(|i| pays(i.mesh, uses[i.mesh as usize])).collect();
+    if !candidates.contains(&true) {
+        return candidates;
+    }
+    let bounds: Vec<_> = scene.meshes.iter().map(bounds).collect();
+    let can = |instance: &Instance| {
+        // Light sampling wants the triangles of emitters in the world.
+        let material = &scene.materials[instance.material as usize];
+        let mesh = &scene.meshes[instance.mesh as usize];
+        let (min, max) = bounds[instance.mesh as usize];
+        !material.is_emissive() && !mesh.triangles.is_empty() && Bvh::can_place(min, max, &instance.to_world)
+    };
+    // Those that cannot be stored once do not make it pay for the others.
+    let once: Vec<bool> = scene.instances.iter().zip(candidates).map(|(i, pays)| pays && can(i)).collect();
+    let mut uses = vec![0u64; scene.meshes.len()];
+    for (instance, _) in scene.instances.iter().zip(&once).filter(|(_, once)| **once) {
+        uses[instance.mesh as usize] += 1;
+    }
+    scene.instances.iter().zip(once).map(|(i, once)| once && pays(i.mesh, uses[i.mesh as usize])).collect()
+}
+
+/// Corners of a mesh's bounding box in its own space.
+fn bounds(mesh: &Mesh) -> ([f32; 3], [f32; 3]) {
+    mesh.positions.iter().fold(([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]), |(min, max), p| {
+        ([0, 1, 2].map(|i| p[i].min(min[i])), [0, 1, 2].map(|i| p[i].max(max[i])))
+    })
 }
 
 impl Geometry {

@@ -49,9 +49,7 @@ pub(crate) fn check_required(root: &Value) -> Result<()> {
         if MODELLED.contains(&name) || FOREIGN.iter().any(|(foreign, _)| *foreign == name) {
             continue;
         }
-        let remedy = match name {
-            _ => "export the file again without it, or with it as optional",
-        };
+        let remedy = "export the file again without it, or with it as optional";
         return Err(unsupported(
             path,
             format!("the file requires the extension {name}, which is not supported"),
