@@ -187,21 +187,41 @@ impl Bvh {
     /// [`Bvh::closest_hit`] under a token chosen by the caller, for loops that are compiled for it as a whole.
     #[inline(always)]
     pub fn closest_hit_with<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> Option<Hit> {
-        if !self.instances.is_empty() {
-            return self.closest_hit_filtered(simd, ray, NoFilter, probe);
+        if self.instances.is_empty() {
+            self.closest_hit_flat(simd, ray, probe)
+        } else {
+            self.closest_hit_filtered(simd, ray, NoFilter, probe)
         }
+    }
+
+    /// [`Bvh::occluded`] under a token chosen by the caller.
+    #[inline(always)]
+    pub fn occluded_with<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> bool {
+        if self.instances.is_empty() {
+            self.occluded_flat(simd, ray, probe)
+        } else {
+            self.occluded_filtered(simd, ray, NoFilter, probe)
+        }
+    }
+
+    /// The nearest hit in a tree without instances: for loops that choose by [`Bvh::instance_count`] themselves.
+    ///
+    /// # Panics
+    /// May panic where the tree has instances.
+    #[inline(always)]
+    pub fn closest_hit_flat<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> Option<Hit> {
         simd.vectorize(
             #[inline(always)]
             || traverse::closest::<S, P, NoFilter, false>(simd, self, ray, NoFilter, probe),
         )
     }
 
-    /// [`Bvh::occluded`] under a token chosen by the caller.
+    /// Whether anything is hit in a tree without instances.
+    ///
+    /// # Panics
+    /// May panic where the tree has instances.
     #[inline(always)]
-    pub fn occluded_with<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> bool {
-        if !self.instances.is_empty() {
-            return self.occluded_filtered(simd, ray, NoFilter, probe);
-        }
+    pub fn occluded_flat<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> bool {
         simd.vectorize(
             #[inline(always)]
             || traverse::any::<S, P, NoFilter, false>(simd, self, ray, NoFilter, probe),

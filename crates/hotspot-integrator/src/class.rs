@@ -1,4 +1,4 @@
-//! What the path loop must be able to do for a scene.
+//! What the path loop must be able to do for a scene, and the kernels that are compiled for it.
 
 use crate::check::visit_shaded_textures;
 use hotspot_scene::{Alpha, Bsdf, Material, Mesh, Scene};
@@ -45,4 +45,97 @@ impl SceneClass {
             _ => Self::Lobes,
         }
     }
+}
+
+/// What a kernel is compiled for.
+pub(crate) trait Class {
+    /// Surfaces other than matte.
+    const LOBES: bool;
+    /// Everything that varies over a surface or is seldom used: textures, vertex colours, bumps, mixed and unlit
+    /// materials, absorption.
+    const TEXTURED: bool;
+    /// What is compiled out although a scene may want it: only in the kernels with which benches compare.
+    const WITHOUT: Option<Feature> = None;
+}
+
+pub(crate) struct MatteClass;
+pub(crate) struct LobesClass;
+pub(crate) struct FullClass;
+
+impl Class for MatteClass {
+    const LOBES: bool = false;
+    const TEXTURED: bool = false;
+}
+impl Class for LobesClass {
+    const LOBES: bool = true;
+    const TEXTURED: bool = false;
+}
+impl Class for FullClass {
+    const LOBES: bool = true;
+    const TEXTURED: bool = true;
+}
+
+/// What kernels do for the scenes that ask for it. Builds with `--cfg hotspot_ablation` can compile each out, to see what
+/// it costs a scene that does not use it (`benches/src/bin/unused.rs`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+#[cfg_attr(not(hotspot_ablation), expect(unreachable_pub, reason = "for benches alone"))]
+pub enum Feature {
+    /// Alpha masks and blending.
+    Cutouts,
+    /// Meshes stored once.
+    Instances,
+    /// Normal maps.
+    NormalMaps,
+    /// Vertex colours.
+    VertexColors,
+    /// A second set of texture coordinates.
+    SecondUvs,
+    /// Materials that show their colour as it is.
+    Unlit,
+    /// Absorption in glass.
+    Absorption,
+    /// Mixed materials.
+    Mixes,
+    /// Environment maps.
+    EnvironmentMaps,
+    /// Lights without area.
+    PunctualLights,
+}
+
+/// Whether kernels of a class do this.
+#[inline(always)]
+pub(crate) const fn has<C: Class>(feature: Feature) -> bool {
+    match C::WITHOUT {
+        Some(without) => without as u8 != feature as u8,
+        None => true,
+    }
+}
+
+#[cfg(hotspot_ablation)]
+impl Feature {
+    /// All of them.
+    pub const ALL: [Self; 10] = [
+        Self::Cutouts,
+        Self::Instances,
+        Self::NormalMaps,
+        Self::VertexColors,
+        Self::SecondUvs,
+        Self::Unlit,
+        Self::Absorption,
+        Self::Mixes,
+        Self::EnvironmentMaps,
+        Self::PunctualLights,
+    ];
+}
+
+/// A class without one feature, by its index in [`Feature::ALL`].
+#[cfg(hotspot_ablation)]
+pub(crate) struct Without<C, const FEATURE: usize>(core::marker::PhantomData<C>);
+
+#[cfg(hotspot_ablation)]
+impl<C: Class, const FEATURE: usize> Class for Without<C, FEATURE> {
+    const LOBES: bool = C::LOBES;
+    const TEXTURED: bool = C::TEXTURED;
+    const WITHOUT: Option<Feature> = Some(Feature::ALL[FEATURE]);
 }

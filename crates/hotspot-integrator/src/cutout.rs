@@ -1,5 +1,6 @@
 //! Surfaces that are not there everywhere: alpha masks and alpha blending, resolved during traversal.
 
+use crate::class::FullClass;
 use crate::geometry::{Attributes, Surface};
 use crate::sampler::hash;
 use crate::scene::RenderScene;
@@ -46,7 +47,7 @@ impl Filter for Cutouts<'_> {
             return true;
         }
         let (u, v) = candidate.barycentric();
-        let point = scene.geometry.attributes(surface, u, v);
+        let point = scene.geometry.attributes::<FullClass>(surface, u, v);
         let material = &scene.materials[surface.part.material as usize];
         let (share, lookups, bytes) = presence(scene, material, &point);
         probe.alpha(lookups, bytes);

@@ -1,8 +1,8 @@
 //! One tile's samples: the loop that is compiled for each instruction set, scene class and instrumentation.
 
 use crate::camera::FilmCamera;
-use crate::class::SceneClass;
-use crate::path::{Class, FullClass, LobesClass, MatteClass, PathResult, PathSettings, trace};
+use crate::class::{Class, FullClass, LobesClass, MatteClass, SceneClass};
+use crate::path::{PathResult, PathSettings, trace};
 use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind};
 use crate::scene::RenderScene;
 use glam::Vec3;
@@ -58,6 +58,10 @@ impl WithSimd for TileJob<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
+        #[cfg(hotspot_ablation)]
+        if let Some(feature) = self.kernel.scene.without {
+            return self.run_without(simd, feature);
+        }
         match self.kernel.scene.class() {
             SceneClass::Matte => simd.vectorize(
                 #[inline(always)]
@@ -70,6 +74,43 @@ impl WithSimd for TileJob<'_> {
             SceneClass::Full => simd.vectorize(
                 #[inline(always)]
                 || self.pixels::<S, FullClass>(simd),
+            ),
+        }
+    }
+}
+
+/// The kernels of the three classes without one feature, for benches.
+#[cfg(hotspot_ablation)]
+impl TileJob<'_> {
+    fn run_without<S: Simd>(self, simd: S, feature: crate::class::Feature) {
+        match feature as usize {
+            0 => self.class_without::<S, 0>(simd),
+            1 => self.class_without::<S, 1>(simd),
+            2 => self.class_without::<S, 2>(simd),
+            3 => self.class_without::<S, 3>(simd),
+            4 => self.class_without::<S, 4>(simd),
+            5 => self.class_without::<S, 5>(simd),
+            6 => self.class_without::<S, 6>(simd),
+            7 => self.class_without::<S, 7>(simd),
+            8 => self.class_without::<S, 8>(simd),
+            _ => self.class_without::<S, 9>(simd),
+        }
+    }
+
+    fn class_without<S: Simd, const FEATURE: usize>(self, simd: S) {
+        use crate::class::Without;
+        match self.kernel.scene.class() {
+            SceneClass::Matte => simd.vectorize(
+                #[inline(always)]
+                || self.pixels::<S, Without<MatteClass, FEATURE>>(simd),
+            ),
+            SceneClass::Lobes => simd.vectorize(
+                #[inline(always)]
+                || self.pixels::<S, Without<LobesClass, FEATURE>>(simd),
+            ),
+            SceneClass::Full => simd.vectorize(
+                #[inline(always)]
+                || self.pixels::<S, Without<FullClass, FEATURE>>(simd),
             ),
         }
     }

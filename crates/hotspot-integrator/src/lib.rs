@@ -3,6 +3,7 @@
 
 mod bsdf;
 mod camera;
+mod cast;
 mod check;
 mod class;
 mod cutout;
@@ -14,9 +15,12 @@ mod path;
 mod render;
 mod sampler;
 mod scene;
+mod surface;
 mod texture;
 
 pub use camera::frame_bounds;
+#[cfg(hotspot_ablation)]
+pub use class::Feature;
 pub use class::SceneClass;
 pub use geometry::{COPIES_THAT_PAY, Instancing};
 pub use hotspot_bvh::simd::Isa;

@@ -5,45 +5,22 @@
 //! three as in pbrt-v3. Roulette follows pbrt-v3 (Pharr, Jakob, Humphreys, *Physically Based Rendering*, 3rd edition,
 //! section 14.5.4). Shading happens in the shading frame, turned to the side of the path; emitters use geometric normals.
 
-use crate::bsdf::{Bsdf, Glass, RoughMetal, Substrate};
-use crate::cutout::{Cutouts, presence};
-use crate::geometry::{Attributes, Part, Surface, SurfacePoint};
+use crate::bsdf::Bsdf;
+use crate::cast::{closest_hit, occluded};
+use crate::class::{Class, Feature, has};
+use crate::cutout::presence;
+use crate::geometry::{Attributes, Part, SurfacePoint};
 use crate::light::{LightTarget, area_to_solid_angle, ray_to_position};
 use crate::math::{Frame, power_heuristic};
 use crate::sampler::{Dimensions, Sampler};
 use crate::scene::RenderScene;
-use crate::texture::{color, mapped_normal, scalar};
+use crate::surface::{bumped, resolve};
+use crate::texture::color;
 use glam::{Vec2, Vec3};
+use hotspot_bvh::Ray;
 use hotspot_bvh::simd::Simd;
-use hotspot_bvh::{Hit, NO_INSTANCE, Ray, RayProbe};
 use hotspot_cost::Cause;
 use hotspot_probe::{NONE, Probe, RayKind, Spawner};
-
-/// What a kernel is compiled for.
-pub(crate) trait Class {
-    /// Surfaces other than matte.
-    const LOBES: bool;
-    /// Everything that varies over a surface or is seldom used: textures, vertex colours, bumps, mixed and unlit
-    /// materials, absorption.
-    const TEXTURED: bool;
-}
-
-pub(crate) struct MatteClass;
-pub(crate) struct LobesClass;
-pub(crate) struct FullClass;
-
-impl Class for MatteClass {
-    const LOBES: bool = false;
-    const TEXTURED: bool = false;
-}
-impl Class for LobesClass {
-    const LOBES: bool = true;
-    const TEXTURED: bool = false;
-}
-impl Class for FullClass {
-    const LOBES: bool = true;
-    const TEXTURED: bool = true;
-}
 
 /// Settings of the loop.
 #[derive(Clone, Copy, Debug)]
@@ -104,22 +81,30 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
     };
 
     loop {
-        let Some(hit) = closest_hit(simd, scene, &ray, sampler, bounces, probe.ray(spawner)) else {
-            if let Some((environment, pdf)) = scene.lights.escaped(-wo, scattered.cos, probe) {
+        let Some(hit) = closest_hit::<S, _, C>(simd, scene, &ray, sampler, bounces, probe.ray(spawner))
+        else {
+            if let Some((environment, pdf)) = scene.lights.escaped::<P, C>(-wo, scattered.cos, probe) {
                 radiance += throughput * environment * power_heuristic(scattered.pdf, pdf);
             }
             return end(radiance, Cause::Escaped, throughput, first_object);
         };
-        let surface = scene.geometry.surface(hit.instance, hit.primitive);
+        let surface = if has::<C>(Feature::Instances) {
+            scene.geometry.surface(hit.instance, hit.primitive)
+        } else {
+            scene.geometry.world_surface(hit.primitive)
+        };
         let part = surface.part;
         if bounces == 0 {
             first_object = part.object;
         }
         let material = &scene.materials[part.material as usize];
         let geometric = Vec3::from_array(hit.normal);
-        let attributes =
-            if C::TEXTURED { scene.geometry.attributes(surface, hit.u, hit.v) } else { Attributes::NONE };
-        if C::TEXTURED && absorption != Vec3::ZERO {
+        let attributes = if C::TEXTURED {
+            scene.geometry.attributes::<C>(surface, hit.u, hit.v)
+        } else {
+            Attributes::NONE
+        };
+        if C::TEXTURED && has::<C>(Feature::Absorption) && absorption != Vec3::ZERO {
             throughput *= Vec3::from_array((absorption * -hit.t).to_array().map(libm::expf));
         }
 
@@ -136,6 +121,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
             }
         }
         if C::TEXTURED
+            && has::<C>(Feature::Unlit)
             && let hotspot_scene::Bsdf::Unlit { color: shown } = &material.bsdf
         {
             radiance += throughput * color(&scene.textures, shown, &attributes, probe) * attributes.tint;
@@ -149,7 +135,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
         let smooth = scene.geometry.normal(surface, &hit);
         let front = wo.dot(smooth) >= 0.0;
         let mut normal = if front { smooth } else { -smooth };
-        if C::TEXTURED && part.has_tangents() {
+        if C::TEXTURED && has::<C>(Feature::NormalMaps) && part.has_tangents() {
             normal = bumped(scene, surface, &hit, &attributes, smooth, wo, probe);
         }
         let frame = Frame::new(normal);
@@ -178,6 +164,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
             return end(radiance, Cause::Absorbed, throughput, first_object);
         };
         if C::TEXTURED
+            && has::<C>(Feature::Absorption)
             && sample.wi.z < 0.0
             && let Bsdf::Glass(glass) = &resolved
             && !glass.thin
@@ -238,7 +225,7 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
     probe: &mut P,
 ) -> Vec3 {
     let lights = &scene.lights;
-    let Some(light) = lights.sample(vertex.point.p, vertex.frame, u, probe) else {
+    let Some(light) = lights.sample::<P, C>(vertex.point.p, vertex.frame, u, probe) else {
         return Vec3::ZERO;
     };
     probe.bsdf(1);
@@ -259,11 +246,13 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
                 return Vec3::ZERO;
             }
             let emission = if C::TEXTURED {
-                let surface = scene.geometry.surface(NO_INSTANCE, primitive);
-                let attributes = scene.geometry.attributes(surface, uv.x, uv.y);
-                let (share, lookups, bytes) = presence(scene, material, &attributes);
-                if lookups > 0 {
+                let surface = scene.geometry.world_surface(primitive);
+                let attributes = scene.geometry.attributes::<C>(surface, uv.x, uv.y);
+                let mut share = 1.0;
+                if has::<C>(Feature::Cutouts) && part.cutout {
+                    let (there, lookups, bytes) = presence(scene, material, &attributes);
                     probe.texture(lookups, bytes);
+                    share = there;
                 }
                 if share == 0.0 {
                     return Vec3::ZERO;
@@ -278,6 +267,7 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
             (emission, ray, part.object)
         }
         // BSDF sampling never finds these: it has no share.
+        _ if !has::<C>(Feature::PunctualLights) => return Vec3::ZERO,
         LightTarget::Position { irradiance, position } => {
             let Some(ray) = ray_to_position(origin, position) else { return Vec3::ZERO };
             bsdf_pdf = 0.0;
@@ -302,157 +292,8 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
         probe.untraced(spawner);
         return Vec3::ZERO;
     }
-    if occluded(simd, scene, &ray, vertex.sampler, vertex.bounce, probe.ray(spawner)) {
+    if occluded::<S, _, C>(simd, scene, &ray, vertex.sampler, vertex.bounce, probe.ray(spawner)) {
         return Vec3::ZERO;
     }
     f_cos * emission * (power_heuristic(light.pdf, bsdf_pdf) / light.pdf)
-}
-
-/// The material at a point: textures looked up, one part of a mixed material chosen by `choice`.
-#[inline(always)]
-fn resolve<P: Probe, C: Class>(
-    scene: &RenderScene,
-    bsdf: &hotspot_scene::Bsdf,
-    point: &Attributes,
-    front: bool,
-    mut choice: f32,
-    probe: &mut P,
-) -> Bsdf {
-    use hotspot_scene::Bsdf as Given;
-    if !C::LOBES {
-        return match bsdf {
-            Given::Matte { reflectance } => Bsdf::Matte(Vec3::from_array(reflectance.factor)),
-            _ => unreachable!("a scene of class matte holds only matte surfaces"),
-        };
-    }
-    let mut bsdf = bsdf;
-    if C::TEXTURED {
-        // A linear mix is the expectation of choosing one part with its share as probability.
-        while let Given::Mix { weight, base, other } = bsdf {
-            let share = scalar(&scene.textures, weight, point, probe);
-            // What is left of the number is uniform again.
-            (bsdf, choice) = if choice < share {
-                (other, choice / share)
-            } else {
-                (base, (choice - share) / (1.0 - share))
-            };
-        }
-    }
-    let mut colored = |c: &hotspot_scene::Color| {
-        if C::TEXTURED { color(&scene.textures, c, point, probe) } else { Vec3::from_array(c.factor) }
-    };
-    // Vertex colours multiply the base colour.
-    let tint = |base: Vec3| if C::TEXTURED { base * point.tint } else { base };
-    // α = max(roughness², 1e-3)
-    match bsdf {
-        Given::Matte { reflectance } => Bsdf::Matte(tint(colored(reflectance))),
-        Given::Substrate { diffuse, specular, specular_weight, roughness } => Bsdf::Substrate(Substrate {
-            diffuse: tint(colored(diffuse)),
-            specular: colored(specular) * number::<P, C>(scene, specular_weight, point, probe),
-            alpha: alpha::<P, C>(scene, roughness, point, probe),
-        }),
-        Given::Mirror { reflectance } => Bsdf::Mirror(tint(colored(reflectance))),
-        Given::RoughMetal { f0, roughness } => Bsdf::RoughMetal(RoughMetal {
-            f0: tint(colored(f0)),
-            alpha: alpha::<P, C>(scene, roughness, point, probe),
-        }),
-        Given::Glass { ior, thin, transmittance, absorption } => Bsdf::Glass(Glass {
-            transmittance: tint(colored(transmittance)),
-            absorption: Vec3::from_array(*absorption),
-            eta: if *thin || front { *ior } else { 1.0 / *ior },
-            thin: *thin,
-        }),
-        Given::Unlit { .. } | Given::Mix { .. } => Bsdf::Matte(Vec3::ZERO),
-    }
-}
-
-#[inline(always)]
-fn number<P: Probe, C: Class>(
-    scene: &RenderScene,
-    given: &hotspot_scene::Scalar,
-    point: &Attributes,
-    probe: &mut P,
-) -> f32 {
-    if C::TEXTURED { scalar(&scene.textures, given, point, probe) } else { given.factor }
-}
-
-#[inline(always)]
-fn alpha<P: Probe, C: Class>(
-    scene: &RenderScene,
-    roughness: &hotspot_scene::Scalar,
-    point: &Attributes,
-    probe: &mut P,
-) -> f32 {
-    let roughness = number::<P, C>(scene, roughness, point, probe);
-    (roughness * roughness).max(1e-3)
-}
-
-/// The nearest hit. Cutouts and instances have a traversal of their own, so that a scene without them does not pay.
-#[inline(always)]
-fn closest_hit<S: Simd, R: RayProbe>(
-    simd: S,
-    scene: &RenderScene,
-    ray: &Ray,
-    sampler: &Sampler<'_>,
-    bounce: u32,
-    probe: R,
-) -> Option<Hit> {
-    if scene.cutouts {
-        let filter = Cutouts { scene, ray_key: sampler.ray_key(2 * bounce) };
-        scene.bvh.closest_hit_filtered(simd, ray, filter, probe)
-    } else {
-        scene.bvh.closest_hit_with(simd, ray, probe)
-    }
-}
-
-/// Whether a shadow ray is blocked.
-#[inline(always)]
-fn occluded<S: Simd, R: RayProbe>(
-    simd: S,
-    scene: &RenderScene,
-    ray: &Ray,
-    sampler: &Sampler<'_>,
-    bounce: u32,
-    probe: R,
-) -> bool {
-    if scene.cutouts {
-        let filter = Cutouts { scene, ray_key: sampler.ray_key(2 * bounce + 1) };
-        scene.bvh.occluded_filtered(simd, ray, filter, probe)
-    } else {
-        scene.bvh.occluded_with(simd, ray, probe)
-    }
-}
-
-/// The shading normal on the path's side, under a normal map. `smooth` is the interpolated normal.
-///
-/// A mapped normal may point away from where the path came from although the surface does not. It is then tilted back until
-/// the path arrives just above the horizon: a surface must not vanish behind its own bumps.
-#[inline(never)]
-fn bumped<P: Probe>(
-    scene: &RenderScene,
-    surface: Surface<'_>,
-    hit: &Hit,
-    point: &Attributes,
-    smooth: Vec3,
-    wo: Vec3,
-    probe: &mut P,
-) -> Vec3 {
-    const LEAST_COS: f32 = 1e-3;
-    let side = if wo.dot(smooth) >= 0.0 { 1.0 } else { -1.0 };
-    let material = &scene.materials[surface.part.material as usize];
-    let (Some(map), Some((tangent, bitangent))) =
-        (&material.normal_map, scene.geometry.tangents(surface, smooth, hit.u, hit.v))
-    else {
-        return smooth * side;
-    };
-    let n = mapped_normal(&scene.textures, map, point, probe);
-    let Some(mapped) = (tangent * n.x + bitangent * n.y + smooth * n.z).try_normalize() else {
-        return smooth * side;
-    };
-    let normal = mapped * side;
-    let cos = wo.dot(normal);
-    if cos >= LEAST_COS {
-        return normal;
-    }
-    (normal + wo * (LEAST_COS - cos)).try_normalize().unwrap_or(smooth * side)
 }

@@ -52,6 +52,9 @@ pub struct RenderScene {
     pub(crate) bvh: Bvh,
     /// Some surface is not there everywhere.
     pub(crate) cutouts: bool,
+    /// Render with kernels that lack this.
+    #[cfg(hotspot_ablation)]
+    pub(crate) without: Option<crate::class::Feature>,
     objects: Vec<String>,
     class: SceneClass,
     repairs: Vec<Repair>,
@@ -127,12 +130,20 @@ impl RenderScene {
             textures,
             lights,
             bvh,
+            #[cfg(hotspot_ablation)]
+            without: None,
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
             cutouts: geometry_has_cutouts,
             class,
             repairs,
             build_seconds,
         })
+    }
+
+    /// Renders with kernels that lack `feature` from now on, for benches: a scene that uses it is drawn wrong.
+    #[cfg(hotspot_ablation)]
+    pub fn set_without(&mut self, feature: Option<crate::Feature>) {
+        self.without = feature;
     }
 
     /// Names of the objects, by the ids that the cost layers use.

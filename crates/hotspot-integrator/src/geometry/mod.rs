@@ -6,6 +6,7 @@
 mod place;
 mod point;
 
+use crate::class::{Class, Feature, has};
 use glam::{DVec3, Vec2, Vec3};
 use hotspot_bvh::{Hit, NO_INSTANCE};
 use std::ops::Range;
@@ -173,12 +174,18 @@ impl Geometry {
     #[inline(always)]
     pub(crate) fn surface(&self, instance: u32, primitive: u32) -> Surface<'_> {
         if instance == NO_INSTANCE {
-            Surface { part: self.part(primitive), triangle: primitive, placed: None }
+            self.world_surface(primitive)
         } else {
             let placed = &self.placed[instance as usize];
             let triangle = placed.part.first_triangle + primitive;
             Surface { part: &placed.part, triangle, placed: Some(placed) }
         }
+    }
+
+    /// The triangle `primitive` of the world.
+    #[inline(always)]
+    pub(crate) fn world_surface(&self, primitive: u32) -> Surface<'_> {
+        Surface { part: self.part(primitive), triangle: primitive, placed: None }
     }
 
     #[inline(always)]
@@ -254,7 +261,7 @@ impl Geometry {
 
     /// Texture coordinates and vertex colour.
     #[inline(always)]
-    pub(crate) fn attributes(&self, surface: Surface<'_>, u: f32, v: f32) -> Attributes {
+    pub(crate) fn attributes<C: Class>(&self, surface: Surface<'_>, u: f32, v: f32) -> Attributes {
         let mut out = Attributes::NONE;
         let Some(corners) = self.corners(surface) else { return out };
         let w = 1.0 - u - v;
@@ -265,10 +272,14 @@ impl Geometry {
         if let Some(first) = surface.part.uvs {
             out.uv = uv(first);
         }
-        if let Some(first) = surface.part.second_uvs {
+        if has::<C>(Feature::SecondUvs)
+            && let Some(first) = surface.part.second_uvs
+        {
             out.second_uv = uv(first);
         }
-        if let Some(first) = surface.part.colors {
+        if has::<C>(Feature::VertexColors)
+            && let Some(first) = surface.part.colors
+        {
             let c = |i: usize| glam::Vec4::from_array(self.colors[(first + corners[i]) as usize]);
             let tint = c(0) * w + c(1) * u + c(2) * v;
             (out.tint, out.tint_alpha) = (tint.truncate(), tint.w);

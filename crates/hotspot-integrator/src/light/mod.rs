@@ -27,6 +27,7 @@ mod punctual;
 mod tests;
 mod triangles;
 
+use crate::class::{Class, Feature, has};
 use crate::geometry::{Geometry, SurfacePoint, SurfaceTriangle};
 use crate::math::{FRAC_1_PI, Frame, square_to_cosine_hemisphere};
 use crate::scene::PrepareError;
@@ -258,10 +259,16 @@ impl Lights {
     /// with which [`Lights::sample`] takes that direction at the surface that the ray left, whose shading normal
     /// makes cosine `cos` with it.
     #[inline(always)]
-    pub(crate) fn escaped<P: Probe>(&self, direction: Vec3, cos: f32, probe: &mut P) -> Option<(Vec3, f32)> {
+    pub(crate) fn escaped<P: Probe, C: Class>(
+        &self,
+        direction: Vec3,
+        cos: f32,
+        probe: &mut P,
+    ) -> Option<(Vec3, f32)> {
         match &self.environment {
             Surroundings::Nothing => None,
             Surroundings::Constant(radiance) => Some((*radiance, self.constant_pdf(cos))),
+            Surroundings::Map(_) if !has::<C>(Feature::EnvironmentMaps) => None,
             Surroundings::Map(map) => {
                 probe.texture(1, EnvironmentSampler::LOOKUP_BYTES);
                 let look = map.look_up(direction);
@@ -273,7 +280,7 @@ impl Lights {
     /// A direction towards a light, seen from `p`; `frame` is the shading frame on the side of the path. `None` where
     /// the sample cannot bring light: no lights, seen edge-on, outside of a spot, or a point of the light itself.
     #[inline(always)]
-    pub(crate) fn sample<P: Probe>(
+    pub(crate) fn sample<P: Probe, C: Class>(
         &self,
         p: Vec3,
         frame: &Frame,
@@ -284,7 +291,7 @@ impl Lights {
         if !matches!(self.environment, Surroundings::Nothing) {
             if select < self.environment_probability {
                 let u = Vec2::new(select / self.environment_probability, v);
-                return self.sample_environment(frame, u, probe);
+                return self.sample_environment::<P, C>(frame, u, probe);
             }
             select = (select - self.environment_probability) / (1.0 - self.environment_probability);
         }
@@ -297,6 +304,9 @@ impl Lights {
             index += 1;
         }
         let Some(light) = self.triangles.get(index) else {
+            if !has::<C>(Feature::PunctualLights) {
+                return None;
+            }
             return self.punctual[index - self.triangles.len()].sample(p);
         };
         let rest = ((select - light.cumulative) / light.probability).clamp(0.0, 1.0 - f32::EPSILON);
@@ -304,7 +314,12 @@ impl Lights {
     }
 
     #[inline(always)]
-    fn sample_environment<P: Probe>(&self, frame: &Frame, u: Vec2, probe: &mut P) -> Option<LightSample> {
+    fn sample_environment<P: Probe, C: Class>(
+        &self,
+        frame: &Frame,
+        u: Vec2,
+        probe: &mut P,
+    ) -> Option<LightSample> {
         match &self.environment {
             Surroundings::Nothing => None,
             Surroundings::Constant(radiance) => {
@@ -314,6 +329,7 @@ impl Lights {
                 let target = LightTarget::Environment(*radiance);
                 (pdf > 0.0).then(|| LightSample { wi: frame.to_world(local), pdf, target })
             }
+            Surroundings::Map(_) if !has::<C>(Feature::EnvironmentMaps) => None,
             Surroundings::Map(map) => {
                 // A quotient below 1 may round to 1.
                 let (wi, look) = map.sample(u.min(Vec2::splat(1.0 - f32::EPSILON)))?;

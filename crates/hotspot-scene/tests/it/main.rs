@@ -11,6 +11,7 @@ mod gltf_materials;
 mod gltf_meshopt;
 mod gltf_morph;
 mod gltf_skins;
+mod gltf_tangents;
 mod gltf_textures;
 mod gltf_vertices;
 mod hostile_files;

@@ -1,0 +1,51 @@
+//! Casting rays: which traversal a scene needs.
+//!
+//! Cutouts and instances have a traversal of their own, chosen by a branch that always goes the same way, so that a scene
+//! without them does not pay for them.
+
+use crate::class::{Class, Feature, has};
+use crate::cutout::Cutouts;
+use crate::sampler::Sampler;
+use crate::scene::RenderScene;
+use hotspot_bvh::simd::Simd;
+use hotspot_bvh::{Hit, NoFilter, Ray, RayProbe};
+
+/// The nearest hit. `bounce`: scattering events before the ray.
+#[inline(always)]
+pub(crate) fn closest_hit<S: Simd, R: RayProbe, C: Class>(
+    simd: S,
+    scene: &RenderScene,
+    ray: &Ray,
+    sampler: &Sampler<'_>,
+    bounce: u32,
+    probe: R,
+) -> Option<Hit> {
+    if has::<C>(Feature::Cutouts) && scene.cutouts {
+        let filter = Cutouts { scene, ray_key: sampler.ray_key(2 * bounce) };
+        scene.bvh.closest_hit_filtered(simd, ray, filter, probe)
+    } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
+        scene.bvh.closest_hit_filtered(simd, ray, NoFilter, probe)
+    } else {
+        scene.bvh.closest_hit_flat(simd, ray, probe)
+    }
+}
+
+/// Whether a shadow ray is blocked.
+#[inline(always)]
+pub(crate) fn occluded<S: Simd, R: RayProbe, C: Class>(
+    simd: S,
+    scene: &RenderScene,
+    ray: &Ray,
+    sampler: &Sampler<'_>,
+    bounce: u32,
+    probe: R,
+) -> bool {
+    if has::<C>(Feature::Cutouts) && scene.cutouts {
+        let filter = Cutouts { scene, ray_key: sampler.ray_key(2 * bounce + 1) };
+        scene.bvh.occluded_filtered(simd, ray, filter, probe)
+    } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
+        scene.bvh.occluded_filtered(simd, ray, NoFilter, probe)
+    } else {
+        scene.bvh.occluded_flat(simd, ray, probe)
+    }
+}
