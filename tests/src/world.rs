@@ -62,11 +62,9 @@ impl World {
     /// Adds an object, placed by a matrix.
     #[must_use]
     pub fn with_placed(mut self, mesh: Mesh, material: Material, to_world: [[f64; 4]; 3]) -> Self {
-        let index = self.scene.instances.len() as u32;
-        self.scene.objects.push(Object { name: format!("object {index}") });
+        let index = self.scene.meshes.len() as u32;
         self.scene.meshes.push(mesh);
-        self.scene.materials.push(material);
-        self.scene.instances.push(Instance { object: index, mesh: index, material: index, to_world });
+        self.place(index, material, to_world);
         self
     }
 
@@ -95,13 +93,16 @@ impl World {
     /// Adds an object that shares the mesh of the last one.
     #[must_use]
     pub fn with_again(mut self, material: Material, to_world: [[f64; 4]; 3]) -> Self {
-        let index = self.scene.instances.len() as u32;
         let mesh = self.scene.instances.last().expect("there is an object before").mesh;
-        self.scene.objects.push(Object { name: format!("object {index}") });
-        let material_index = self.scene.materials.len() as u32;
-        self.scene.materials.push(material);
-        self.scene.instances.push(Instance { object: index, mesh, material: material_index, to_world });
+        self.place(mesh, material, to_world);
         self
+    }
+
+    fn place(&mut self, mesh: u32, material: Material, to_world: [[f64; 4]; 3]) {
+        let index = self.scene.instances.len() as u32;
+        self.scene.objects.push(Object { name: format!("object {index}") });
+        self.scene.materials.push(material);
+        self.scene.instances.push(Instance { object: index, mesh, material: index, to_world });
     }
 
     /// Adds an image. The first one has index 0.
