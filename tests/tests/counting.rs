@@ -433,7 +433,7 @@ fn cutouts_and_instances_cost_what_the_oracle_says() {
     let mut world = World::new().with_texture(stripes()).with_environment([1.0; 3]);
     for i in 0..10 {
         let mut m = IDENTITY;
-        let size = random.within(0.3, 0.9);
+        let size = random.within(0.6, 1.2);
         for k in 0..3 {
             m[k][k] = size;
             m[k][3] = random.within(-1.5, 1.5);
@@ -449,7 +449,7 @@ fn cutouts_and_instances_cost_what_the_oracle_says() {
             (if instance == NO_INSTANCE { primitive / per_ball } else { instance }) % 2 == 0
         };
         let (mut asked, mut entered) = (0, 0);
-        for _ in 0..200 {
+        for _ in 0..400 {
             let camera = pencil(random.point(-5.0, 5.0), random.point(-1.5, 1.5));
             let mut tests = 0;
             let (hit, counts) =
@@ -474,7 +474,7 @@ fn cutouts_and_instances_cost_what_the_oracle_says() {
             asked += tests;
             entered += counts.instances;
         }
-        assert!(asked > 200, "{asked} alpha tests");
+        assert!(asked > 120, "{asked} alpha tests");
         assert_eq!(entered > 0, instancing == Instancing::Always);
     }
 }
