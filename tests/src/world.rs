@@ -2,10 +2,10 @@
 //!
 //! Right-handed, Y up, counter-clockwise triangles seen from the front.
 
-use hotspot_integrator::{BuildOptions, RenderScene};
+use hotspot_integrator::{BuildOptions, Instancing, PrepareOptions, RenderScene};
 use hotspot_scene::{
     Bsdf, Camera, Color, Environment, EnvironmentMap, Instance, Light, LightKind, Material, Mesh, Object,
-    Projection, Scalar, Scene,
+    Projection, Scalar, Scene, Texture, TextureRef, Wrap,
 };
 
 /// Point or direction.
@@ -62,11 +62,9 @@ impl World {
     /// Adds an object, placed by a matrix.
     #[must_use]
     pub fn with_placed(mut self, mesh: Mesh, material: Material, to_world: [[f64; 4]; 3]) -> Self {
-        let index = self.scene.instances.len() as u32;
-        self.scene.objects.push(Object { name: format!("object {index}") });
+        let index = self.scene.meshes.len() as u32;
         self.scene.meshes.push(mesh);
-        self.scene.materials.push(material);
-        self.scene.instances.push(Instance { object: index, mesh: index, material: index, to_world });
+        self.place(index, material, to_world);
         self
     }
 
@@ -92,6 +90,34 @@ impl World {
         self
     }
 
+    /// Adds an object that shares the mesh of the last one.
+    #[must_use]
+    pub fn with_again(mut self, material: Material, to_world: [[f64; 4]; 3]) -> Self {
+        let mesh = self.scene.instances.last().expect("there is an object before").mesh;
+        self.place(mesh, material, to_world);
+        self
+    }
+
+    fn place(&mut self, mesh: u32, material: Material, to_world: [[f64; 4]; 3]) {
+        let index = self.scene.instances.len() as u32;
+        self.scene.objects.push(Object { name: format!("object {index}") });
+        self.scene.materials.push(material);
+        self.scene.instances.push(Instance { object: index, mesh, material: index, to_world });
+    }
+
+    /// Adds an image. The first one has index 0.
+    #[must_use]
+    pub fn with_texture(mut self, texture: Texture) -> Self {
+        self.scene.textures.push(texture);
+        self
+    }
+
+    /// Makes it ready for rendering, with or without meshes that are stored once.
+    pub fn prepare_with(&self, instancing: Instancing) -> RenderScene {
+        let options = PrepareOptions { instancing, ..PrepareOptions::default() };
+        RenderScene::prepare(&self.scene, options).expect("the scene is whole")
+    }
+
     /// Makes it ready for rendering.
     pub fn prepare(&self) -> RenderScene {
         RenderScene::prepare(&self.scene, BuildOptions::default()).expect("the scene is whole")
@@ -111,6 +137,40 @@ pub fn quad(corners: [V3; 4]) -> Mesh {
 /// A rectangle: centre and two half edges; the front is on the side of `u × v`.
 pub fn rectangle(center: V3, u: V3, v: V3) -> Mesh {
     quad(rectangle_corners(center, u, v))
+}
+
+/// The same with texture coordinates: the image's upper edge at `+v`, its right edge at `+u`.
+pub fn panel(center: V3, u: V3, v: V3) -> Mesh {
+    let uvs = Some(vec![[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
+    Mesh { uvs, ..rectangle(center, u, v) }
+}
+
+/// An image from a function of column and row.
+pub fn image(width: u32, height: u32, mut texel: impl FnMut(u32, u32) -> [u8; 4]) -> Texture {
+    let rgba = (0..width * height).flat_map(|i| texel(i % width, i / width)).collect();
+    Texture { name: "image".into(), width, height, rgba }
+}
+
+/// A repeating image looked up by its nearest texel, through the first set of texture coordinates.
+pub fn nearest(texture: u32) -> TextureRef {
+    TextureRef {
+        texture,
+        wrap: [Wrap::Repeat; 2],
+        nearest: true,
+        transform: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        second_uvs: false,
+    }
+}
+
+/// The same between texels.
+pub fn bilinear(texture: u32) -> TextureRef {
+    TextureRef { nearest: false, ..nearest(texture) }
+}
+
+/// An 8-bit colour channel as linear light (IEC 61966-2-1).
+pub fn linear(c: u8) -> f64 {
+    let c = f64::from(c) / 255.0;
+    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Its corners.

@@ -4,15 +4,15 @@
 //! sample. Their counts must be those of the slow oracle. Everything else is held by identities: between rays and
 //! vertices in scenes where both are known, and between the counters themselves in scenes of every kind.
 
-use hotspot_bvh::{Ray, oracle};
+use hotspot_bvh::{Candidate, Filter, NO_INSTANCE, Ray, RayProbe, oracle};
 use hotspot_cost::{CostPixel, Counter, Frame, Metric};
-use hotspot_integrator::{Gather, RenderScene, Settings};
-use hotspot_scene::Camera;
+use hotspot_integrator::{Gather, Instancing, RenderScene, Settings};
+use hotspot_scene::{Alpha, Bsdf, Camera, Channel, Color, Material, NormalMap, Scalar};
 use hotspot_tests::picture::{frame, settings};
 use hotspot_tests::reference::own_scene;
 use hotspot_tests::world::{
-    IDENTITY, Random, World, cuboid, emitting, light, matte, metal, mirror, pencil, pinhole, rectangle,
-    sphere, substrate,
+    IDENTITY, Random, World, bilinear, cuboid, emitting, image, light, matte, metal, mirror, nearest, panel,
+    pencil, pinhole, rectangle, sphere, substrate, surface,
 };
 
 fn total(frame: &Frame) -> CostPixel {
@@ -283,5 +283,248 @@ fn metrics_follow_from_counters() {
         let total = hotspot_cost::stats::total(&frame, metric, model);
         assert_eq!(total.sum, hotspot_cost::Sum::Exact(expected), "{}", metric.name());
         assert!((total.mean - expected as f64 / sums.samples as f64).abs() < 1e-9 * total.mean);
+    }
+}
+
+/// A wall across z, from −1 to 1.
+fn wall(z: f64) -> hotspot_scene::Mesh {
+    panel([0.0, 0.0, z], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+}
+
+fn masked(material: Material, alpha: Scalar) -> Material {
+    Material { alpha: Alpha::Mask { cutoff: 0.5, alpha }, ..material }
+}
+
+fn by_alpha(at: hotspot_scene::TextureRef) -> Scalar {
+    Scalar { factor: 1.0, texture: Some((at, Channel::A)) }
+}
+
+/// Texel (0, 0) is a hole, the others are there.
+fn one_hole() -> hotspot_scene::Texture {
+    image(2, 2, |x, y| [200, 100, 50, if x + y == 0 { 0 } else { 255 }])
+}
+
+const TEXTURE_COUNTERS: [Counter; 4] =
+    [Counter::AlphaTests, Counter::Texture, Counter::TextureBytes, Counter::Bsdf];
+
+/// One masked wall before the eye, at depth 0: an alpha test for each sample that meets it, there or not, and one look-up
+/// of four texels (one where the nearest is taken). None for a constant alpha's texels, none beside the wall.
+#[test]
+fn alpha_tests_of_one_wall() {
+    let there = ([0.5, -0.3, 5.0], [0.5, -0.3, 0.0]);
+    let hole = ([-0.5, 0.3, 5.0], [-0.5, 0.3, 0.0]);
+    let beside = ([1.5, 0.3, 5.0], [1.5, 0.3, 0.0]);
+    for (alpha, per_test) in
+        [(by_alpha(bilinear(0)), (1, 16)), (by_alpha(nearest(0)), (1, 4)), (Scalar::constant(0.7), (0, 0))]
+    {
+        let scene = World::new()
+            .with_texture(one_hole())
+            .with(wall(0.0), masked(matte([0.5; 3]), alpha))
+            .with_environment([1.0; 3])
+            .prepare();
+        for ((from, to), tests) in [(there, 1), (hole, 1), (beside, 0)] {
+            let sums = total(&frame(&scene, &pencil(from, to), &settings(3, 2, 5, 0, 1)).frame);
+            let counts = TEXTURE_COUNTERS.map(|c| sums.get(c));
+            let n = 30 * tests;
+            assert_eq!(counts, [n, n * per_test.0, n * per_test.1, 0], "{alpha:?} from {from:?}");
+            let open = tests == 0 || (per_test.0 > 0 && from == hole.0);
+            assert_eq!(sums.get(Counter::Escaped), if open { 30 } else { 0 });
+        }
+    }
+}
+
+/// What a vertex looks up, by hand: the slots of its material, once each, in the part of a mix that was chosen; a normal
+/// map; emission where the front is seen.
+#[test]
+fn look_ups_of_one_vertex() {
+    let at = || Some(nearest(0));
+    let color = || Color { factor: [1.0; 3], texture: at() };
+    let scalar = || Scalar { factor: 1.0, texture: Some((nearest(0), Channel::G)) };
+    let coat = || Bsdf::Substrate {
+        diffuse: color(),
+        specular: color(),
+        specular_weight: scalar(),
+        roughness: scalar(),
+    };
+    let texel = |r: u8| image(1, 1, |_, _| [r, 255, 255, 255]);
+    let mix = |weight: f32, base: Bsdf, other: Bsdf| {
+        let weight = Scalar { factor: weight, texture: Some((nearest(0), Channel::G)) };
+        surface(Bsdf::Mix { weight, base: Box::new(base), other: Box::new(other) })
+    };
+    let plain = || Bsdf::Matte { reflectance: color() };
+    let bumpy = Material {
+        normal_map: Some(NormalMap { texture: bilinear(0), scale: 0.1 }),
+        ..surface(Bsdf::Matte { reflectance: Color::constant([0.5; 3]) })
+    };
+    let emitting = Material { emission: color(), double_sided: false, ..surface(plain()) };
+    let front = pencil([0.3, 0.1, 5.0], [0.2, 0.1, 0.0]);
+    let behind = pencil([0.3, 0.1, -5.0], [0.2, 0.1, 0.0]);
+    for (material, camera, lookups, bytes, what) in [
+        (surface(plain()), &front, 1, 4, "matte"),
+        (surface(coat()), &front, 4, 16, "coat"),
+        (surface(Bsdf::RoughMetal { f0: color(), roughness: scalar() }), &front, 2, 8, "metal"),
+        (mix(0.0, plain(), coat()), &front, 2, 8, "base of a mix"),
+        (mix(1.0, plain(), coat()), &front, 5, 20, "other part of a mix"),
+        (bumpy, &front, 1, 16, "normal map"),
+        (emitting.clone(), &front, 2, 8, "emission"),
+        (emitting, &behind, 1, 4, "emission from behind"),
+        (surface(Bsdf::Unlit { color: color() }), &front, 1, 4, "unlit"),
+        (matte([0.5; 3]), &front, 0, 0, "plain"),
+    ] {
+        let mut mesh = wall(0.0);
+        mesh.normals = Some(vec![[0.0, 0.0, 1.0]; 4]);
+        mesh.tangents = Some(vec![[1.0, 0.0, 0.0, 1.0]; 4]);
+        // A sun on the side that no camera here is on: light, but no shadow rays towards it.
+        let scene = World::new()
+            .with_texture(texel(255))
+            .with(mesh, material)
+            .with_light(hotspot_scene::LightKind::Directional { direction: [1.0, 0.0, 0.0] }, [1.0; 3])
+            .prepare();
+        let sums = total(&frame(&scene, camera, &settings(4, 4, 4, 1, 3)).frame);
+        let get = |c| sums.get(c);
+        assert_eq!((get(Counter::Texture), get(Counter::TextureBytes)), (64 * lookups, 64 * bytes), "{what}");
+        assert_eq!(get(Counter::AlphaTests), 0, "{what}");
+    }
+}
+
+/// An unlit surface ends its path and evaluates nothing.
+#[test]
+fn unlit_surfaces_evaluate_nothing() {
+    let scene = World::new()
+        .with(wall(0.0), surface(Bsdf::Unlit { color: Color::constant([0.5; 3]) }))
+        .with_environment([1.0; 3])
+        .prepare();
+    let sums =
+        total(&frame(&scene, &pencil([0.3, 0.1, 5.0], [0.2, 0.1, 0.0]), &settings(4, 4, 4, 9, 3)).frame);
+    let counts = [Counter::Rays, Counter::Bsdf, Counter::RaysShadow, Counter::Absorbed].map(|c| sums.get(c));
+    assert_eq!(counts, [64, 0, 0, 64]);
+}
+
+/// Lets through what lies in even eighths of a triangle's first weight, and counts what it is asked.
+struct Stripes<'a>(&'a mut u64, &'a dyn Fn(u32, u32) -> bool);
+
+impl Filter for Stripes<'_> {
+    const ON: bool = true;
+
+    fn accept<P: RayProbe>(&mut self, candidate: &Candidate<'_>, _probe: &mut P) -> bool {
+        if !self.1(candidate.instance(), candidate.primitive()) {
+            return true;
+        }
+        *self.0 += 1;
+        let (u, v) = candidate.barycentric();
+        // The alpha of the stripes' image at (u, v), the nearest texel.
+        let (x, y) = ((u * 8.0).floor() as i64 & 7, (v * 8.0).floor() as i64 & 7);
+        (x * 3 + y * 5) % 4 != 0
+    }
+}
+
+/// Balls of masked triangles, every second one opaque, written out and stored once: alpha tests, their look-ups, instances
+/// entered, nodes and triangles of camera rays are those of the oracle.
+#[test]
+fn cutouts_and_instances_cost_what_the_oracle_says() {
+    let stripes = || image(8, 8, |x, y| [255, 255, 255, if (x * 3 + y * 5) % 4 != 0 { 255 } else { 0 }]);
+    // Each triangle has corners of its own, so that its texture coordinates are its weights.
+    let mut ball = sphere([0.0; 3], 1.0, 2, false);
+    ball.positions = ball.triangles.iter().flatten().map(|&i| ball.positions[i as usize]).collect();
+    ball.triangles = (0..ball.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    ball.uvs = Some((0..ball.positions.len()).map(|i| [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][i % 3]).collect());
+    let per_ball = ball.triangles.len() as u32;
+    let mut random = Random(21);
+    let mut world = World::new().with_texture(stripes()).with_environment([1.0; 3]);
+    for i in 0..10 {
+        let mut m = IDENTITY;
+        let size = random.within(0.6, 1.2);
+        for k in 0..3 {
+            m[k][k] = size;
+            m[k][3] = random.within(-1.5, 1.5);
+        }
+        let holes = masked(matte([0.5; 3]), by_alpha(nearest(0)));
+        let material = if i % 2 == 0 { holes } else { matte([0.5; 3]) };
+        world =
+            if i == 0 { world.with_placed(ball.clone(), material, m) } else { world.with_again(material, m) };
+    }
+    for instancing in [Instancing::Never, Instancing::Always] {
+        let scene = world.prepare_with(instancing);
+        let is_masked = |instance: u32, primitive: u32| {
+            (if instance == NO_INSTANCE { primitive / per_ball } else { instance }) % 2 == 0
+        };
+        let (mut asked, mut entered) = (0, 0);
+        for _ in 0..400 {
+            let camera = pencil(random.point(-5.0, 5.0), random.point(-1.5, 1.5));
+            let mut tests = 0;
+            let (hit, counts) =
+                oracle::closest_filtered(scene.bvh(), &ray_of(&camera), Stripes(&mut tests, &is_masked));
+            let sums = total(&frame(&scene, &camera, &settings(2, 1, 3, 0, 1)).frame);
+            let what = format!("{instancing:?}");
+            for (counter, expected) in [
+                (Counter::Rays, 1),
+                (Counter::Nodes, counts.nodes),
+                (Counter::Boxes, counts.boxes),
+                (Counter::Leaves, counts.leaves),
+                (Counter::Shapes, counts.shapes),
+                (Counter::Instances, counts.instances),
+                (Counter::InstancesShadow, 0),
+                (Counter::AlphaTests, tests),
+                (Counter::Texture, tests),
+                (Counter::TextureBytes, 4 * tests),
+                (Counter::Escaped, u64::from(hit.is_none())),
+            ] {
+                assert_eq!(sums.get(counter), 6 * expected, "{what}: {counter:?}");
+            }
+            asked += tests;
+            entered += counts.instances;
+        }
+        assert!(asked > 120, "{asked} alpha tests");
+        assert_eq!(entered > 0, instancing == Instancing::Always);
+    }
+}
+
+/// Σ over pixels = totals, and shadow rays' instances are part of all; alpha tests without textures look nothing up.
+#[test]
+fn cutouts_and_instances_keep_their_identities() {
+    let mut world = World::new().with_environment([1.0; 3]);
+    for i in 0..8 {
+        let mut m = IDENTITY;
+        m[0][3] = f64::from(i % 4) - 1.5;
+        m[1][3] = f64::from(i / 4) - 0.5;
+        let material = Material { alpha: Alpha::Blend { alpha: Scalar::constant(0.5) }, ..matte([0.8; 3]) };
+        let material = if i % 2 == 0 { material } else { metal([0.9; 3], 0.4) };
+        world = match i {
+            0 => world.with_placed(sphere([0.0; 3], 0.6, 2, false), material, m),
+            _ => world.with_again(material, m),
+        };
+    }
+    for instancing in [Instancing::Never, Instancing::Always] {
+        let scene = world.prepare_with(instancing);
+        let frame =
+            frame(&scene, &pinhole([0.3, 0.4, 5.0], [0.0; 3], 40.0), &settings(40, 30, 4, 6, 2)).frame;
+        for (x, y) in frame.pixels() {
+            let p = frame.cost_total(x, y);
+            assert!(p.get(Counter::InstancesShadow) <= p.get(Counter::Instances));
+            assert_eq!((p.get(Counter::Texture), p.get(Counter::TextureBytes)), (0, 0));
+        }
+        let sums = total(&frame);
+        assert!(sums.get(Counter::AlphaTests) > 1000);
+        assert_eq!(sums.get(Counter::InstancesShadow) > 0, instancing == Instancing::Always);
+        for (metric, counter) in [
+            (Metric::AlphaTests, Counter::AlphaTests),
+            (Metric::Instances, Counter::Instances),
+            (Metric::Texture, Counter::Texture),
+        ] {
+            let told = hotspot_cost::stats::total(&frame, metric, hotspot_cost::CostModel::default());
+            assert_eq!(told.sum, hotspot_cost::Sum::Exact(sums.get(counter)), "{}", metric.name());
+        }
+    }
+    // Without any of it: none.
+    let (scene, camera) = mixed();
+    let sums = total(&frame(&scene, &camera, &settings(20, 15, 4, 6, 2)).frame);
+    for counter in [
+        Counter::AlphaTests,
+        Counter::Texture,
+        Counter::TextureBytes,
+        Counter::Instances,
+        Counter::InstancesShadow,
+    ] {
+        assert_eq!(sums.get(counter), 0, "{counter:?}");
     }
 }

@@ -5,12 +5,15 @@ use hotspot_bvh::{BuildOptions, Bvh};
 use hotspot_cost::{
     CostModel, CostPixel, Counter, Digest, Document, Frame, LayerOptions, Layers, Metric, exr_io, stats,
 };
-use hotspot_integrator::{Control, Gather, Isa, RenderScene, Settings, Stop, render};
-use hotspot_scene::{Camera, Scene};
+use hotspot_integrator::{
+    Control, Gather, Instancing, Isa, PrepareOptions, RenderScene, Settings, Stop, render,
+};
+use hotspot_scene::{Alpha, Bsdf, Camera, Channel, Color, Material, NormalMap, Scalar, Scene};
 use hotspot_tests::picture::{frame, settings};
 use hotspot_tests::reference::own_scene;
 use hotspot_tests::world::{
-    World, cuboid, emitting, light, matte, metal, mirror, pinhole, rectangle, sphere, substrate,
+    IDENTITY, World, bilinear, cuboid, emitting, image, light, matte, metal, mirror, nearest, pinhole,
+    rectangle, sphere, substrate, surface,
 };
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -42,8 +45,62 @@ fn room(lobes: bool) -> (Scene, Camera) {
     (world.scene, pinhole([0.3, 0.1, 3.2], [0.0, 0.0, 0.0], 42.0))
 }
 
+/// The same room full of what is seldom there: masks, blending, bumps, colours at vertices, glass that absorbs, a mix of
+/// mixes, an unlit ball; each ball twice.
+fn bazaar() -> (Scene, Camera) {
+    let (scene, camera) = room(true);
+    let mut world = World { scene }.with_texture(image(8, 8, |x, y| {
+        [100 + 9 * x as u8, 156 - 8 * y as u8, 230, 40 * ((x * 5 + y) % 7) as u8]
+    }));
+    let mut ball = sphere([0.0; 3], 0.25, 3, false);
+    let unit = |p: &[f32; 3]| p.map(|c| 4.0 * c);
+    ball.normals = Some(ball.positions.iter().map(unit).collect());
+    ball.uvs = Some(ball.positions.iter().map(|p| [3.0 * p[0] + p[2], 4.0 * p[1]]).collect());
+    ball.colors =
+        Some(ball.positions.iter().map(|p| [0.7 + p[0], 0.7 + p[1], 0.7 + p[2], 0.8 + 0.7 * p[0]]).collect());
+    ball.tangents = Some(vec![[1.0, 0.0, 0.0, 1.0]; ball.positions.len()]);
+    let color = Color { factor: [0.9; 3], texture: Some(nearest(0)) };
+    let alpha = Scalar { factor: 1.0, texture: Some((bilinear(0), Channel::A)) };
+    let plain = Bsdf::Matte { reflectance: color };
+    let mix = |base: Bsdf, other: Bsdf| Bsdf::Mix {
+        weight: Scalar::constant(0.4),
+        base: Box::new(base),
+        other: Box::new(other),
+    };
+    let metal = Bsdf::RoughMetal { f0: color, roughness: Scalar::constant(0.3) };
+    let glass = Bsdf::Glass {
+        ior: 1.4,
+        thin: false,
+        transmittance: Color::constant([1.0; 3]),
+        absorption: [1.0, 3.0, 0.0],
+    };
+    let materials = [
+        Material { alpha: Alpha::Mask { cutoff: 0.4, alpha }, ..surface(plain.clone()) },
+        Material { alpha: Alpha::Blend { alpha }, ..emitting(surface(plain.clone()), [0.5, 1.0, 0.2]) },
+        Material { alpha: Alpha::Blend { alpha: Scalar::constant(0.6) }, ..matte([0.9; 3]) },
+        Material {
+            normal_map: Some(NormalMap { texture: bilinear(0), scale: 0.8 }),
+            ..surface(mix(plain.clone(), mix(metal, plain)))
+        },
+        surface(glass),
+        surface(Bsdf::Unlit { color }),
+    ];
+    for (i, material) in materials.into_iter().cycle().take(12).enumerate() {
+        let mut m = IDENTITY;
+        m[0][0] = if i % 3 == 0 { -0.8 } else { 1.0 };
+        m[0][3] = (i % 4) as f64 * 0.5 - 0.75;
+        m[1][3] = (i / 4) as f64 * 0.5 - 0.4;
+        m[2][3] = 0.3 * ((i * 7) % 5) as f64 - 0.4;
+        world =
+            if i == 0 { world.with_placed(ball.clone(), material, m) } else { world.with_again(material, m) };
+    }
+    (world.scene, camera)
+}
+
+/// Meshes that appear twice are stored once.
 fn prepared(scene: &Scene, isa: Isa) -> RenderScene {
-    RenderScene::prepare(scene, BuildOptions { isa, ..BuildOptions::default() }).unwrap()
+    let tree = BuildOptions { isa, ..BuildOptions::default() };
+    RenderScene::prepare(scene, PrepareOptions { tree, instancing: Instancing::Always }).unwrap()
 }
 
 /// Everything but time.
@@ -81,6 +138,16 @@ fn scenes() -> Vec<(String, Scene, Camera)> {
         let (scene, camera) = room(lobes);
         scenes.push((name.to_owned(), scene, camera));
     }
+    let (scene, camera) = bazaar();
+    assert_eq!(prepared(&scene, Isa::Auto).instance_count(), 10, "all but the emitting ones");
+    scenes.push(("bazaar".to_owned(), scene.clone(), camera.clone()));
+    // The same with copies in the world.
+    let mut copies = scene;
+    for instance in &mut copies.instances {
+        copies.meshes.push(copies.meshes[instance.mesh as usize].clone());
+        instance.mesh = copies.meshes.len() as u32 - 1;
+    }
+    scenes.push(("bazaar of copies".to_owned(), copies, camera));
     for name in ["cornell-box-red", "mirror-gap-narrow", "creature"] {
         if let Some(scene) = own_scene(name) {
             let camera = scene.cameras[0].clone();
@@ -181,28 +248,33 @@ fn instrumentation_does_not_show() {
 /// Samples come in waves whose sizes depend on the clock; a time limit starts with smaller ones.
 #[test]
 fn waves_do_not_show() {
-    let (scene, camera) = room(true);
-    let scene = prepared(&scene, Isa::Auto);
+    for (scene, camera) in [room(true), bazaar()] {
+        let scene = prepared(&scene, Isa::Auto);
+        same_in_waves(&scene, &camera);
+    }
+}
+
+fn same_in_waves(scene: &RenderScene, camera: &Camera) {
     for intervals in [false, true] {
         let mut settings = settings(33, 21, 13, 6, 5);
         settings.intervals = intervals;
-        let plain = frame(&scene, &camera, &settings).frame;
+        let plain = frame(scene, camera, &settings).frame;
         settings.time_limit = Some(Duration::from_secs(3600));
-        let limited = frame(&scene, &camera, &settings);
+        let limited = frame(scene, camera, &settings);
         assert_eq!((limited.stop, limited.samples), (Stop::Done, whole(13, intervals)));
         assert_same(&plain, &limited.frame, "with a time limit");
 
         // Stopped early: what was done is what a shorter render gives.
         settings.time_limit = None;
         let cancel = AtomicBool::new(true);
-        let stopped = render(&scene, &camera, &settings, Control { cancel: Some(&cancel), progress: None });
+        let stopped = render(scene, camera, &settings, Control { cancel: Some(&cancel), progress: None });
         assert_eq!(stopped.stop, Stop::Cancelled);
         assert!(stopped.samples < 13);
         settings.spp = stopped.samples;
-        assert_same(&stopped.frame, &frame(&scene, &camera, &settings).frame, "stopped early");
+        assert_same(&stopped.frame, &frame(scene, camera, &settings).frame, "stopped early");
         settings.spp = 13;
         settings.time_limit = Some(Duration::ZERO);
-        let expired = frame(&scene, &camera, &settings);
+        let expired = frame(scene, camera, &settings);
         assert_eq!((expired.stop, expired.samples), (Stop::TimeLimit, whole(1, intervals)));
     }
 }

@@ -150,7 +150,16 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
                 simd,
                 scene,
                 settings,
-                &Vertex { part, point: &point, geometric, frame: &frame, local_wo, bounce: bounces, sampler },
+                &Vertex {
+                    part,
+                    point: &point,
+                    geometric,
+                    frame: &frame,
+                    local_wo,
+                    bounce: bounces,
+                    sampler,
+                    absorption,
+                },
                 &resolved,
                 [directions[2], directions[3]],
                 probe,
@@ -211,6 +220,8 @@ struct Vertex<'a> {
     local_wo: Vec3,
     bounce: u32,
     sampler: &'a Sampler<'a>,
+    /// Of the glass that it is in.
+    absorption: Vec3,
 }
 
 /// The light-sampled half of direct light, weighted.
@@ -295,5 +306,11 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
     if occluded::<S, _, C>(simd, scene, &ray, vertex.sampler, vertex.bounce, probe.ray(spawner)) {
         return Vec3::ZERO;
     }
-    f_cos * emission * (power_heuristic(light.pdf, bsdf_pdf) / light.pdf)
+    let mut arriving = emission;
+    // A light that is in the same glass; what is infinitely far away is not.
+    if C::TEXTURED && vertex.absorption != Vec3::ZERO && ray.t_max.is_finite() {
+        let length = Vec3::from_array(ray.direction).length() * ray.t_max;
+        arriving *= Vec3::from_array((vertex.absorption * -length).to_array().map(libm::expf));
+    }
+    f_cos * arriving * (power_heuristic(light.pdf, bsdf_pdf) / light.pdf)
 }

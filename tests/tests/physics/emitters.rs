@@ -10,7 +10,7 @@ use hotspot_tests::world::{
 
 /// Irradiance at `p` with normal `n` from a polygon of radiance 1, all of it above the horizon: Lambert's formula
 /// (1760; Arvo, *Analytic Methods for Simulated Light Transport*, 1995, equation 2.16).
-fn lambert(corners: [V3; 4], p: V3, n: V3) -> f64 {
+pub(crate) fn lambert(corners: [V3; 4], p: V3, n: V3) -> f64 {
     let r = corners.map(|c| unit(sub(c, p)));
     let edges = (0..4).map(|i| {
         let (a, b) = (r[i], r[(i + 1) % 4]);

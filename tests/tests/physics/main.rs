@@ -5,12 +5,16 @@
 //! σ itself must be small enough for the comparison to mean something.
 
 mod bsdf;
+mod bumps;
 mod closed;
+mod cutouts;
 mod emitters;
 mod environment;
 mod furnace;
+mod instances;
 mod placing;
 mod punctual;
+mod surfaces;
 
 use hotspot_integrator::{RenderScene, Settings};
 use hotspot_scene::Camera;

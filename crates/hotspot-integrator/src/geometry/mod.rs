@@ -281,7 +281,9 @@ impl Geometry {
             && let Some(first) = surface.part.colors
         {
             let c = |i: usize| glam::Vec4::from_array(self.colors[(first + corners[i]) as usize]);
-            let tint = c(0) * w + c(1) * u + c(2) * v;
+            // From differences, so that what is the same at all corners is the same in between: an alpha of 1 must not
+            // round below a cutoff of 1.
+            let tint = c(0) + (c(1) - c(0)) * u + (c(2) - c(0)) * v;
             (out.tint, out.tint_alpha) = (tint.truncate(), tint.w);
         }
         out
