@@ -15,6 +15,7 @@ mod gltf_textures;
 mod gltf_vertices;
 mod hostile_files;
 mod hostile_gltf;
+mod images;
 mod obj_features;
 mod obj_geometry;
 mod obj_materials;
