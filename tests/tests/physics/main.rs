@@ -6,6 +6,7 @@
 
 mod bsdf;
 mod closed;
+mod default_light;
 mod emitters;
 mod environment;
 mod furnace;
