@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use hotspot_scene::{Alpha, Bsdf, Scene};
+use hotspot_scene::{Alpha, Bsdf, LoadError, Scene};
 use image::{DynamicImage, ImageFormat, RgbaImage};
 use serde_json::json;
 
@@ -43,6 +43,25 @@ fn bmp_gif_and_tga_are_read() {
     assert!(scene.textures.is_empty());
     assert_eq!(scene.unmodelled[0].feature, "image format");
     assert_eq!(scene.unmodelled[0].element, "m.mtl line 2");
+}
+
+/// The other formats are damaged in the tests of glTF's textures.
+#[test]
+fn a_damaged_tga_never_panics() {
+    let whole = encoded(ImageFormat::Tga);
+    for at in 0..whole.len() {
+        for change in [1, 2, 8, 128, 255] {
+            let mut bytes = whole.clone();
+            bytes[at] ^= change;
+            let obj = b"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
+            let files: [(&str, &[u8]); 3] =
+                [("a.obj", obj), ("m.mtl", b"newmtl m\nmap_Kd t.tga\n"), ("t.tga", &bytes)];
+            match load_files(&files) {
+                Ok(scene) => check(&scene),
+                Err(error) => assert!(matches!(error, LoadError::Limit { .. }), "byte {at}: {error}"),
+            }
+        }
+    }
 }
 
 #[test]

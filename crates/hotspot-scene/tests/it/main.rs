@@ -20,5 +20,6 @@ mod obj_features;
 mod obj_geometry;
 mod obj_materials;
 mod obj_text;
+mod obj_tobj;
 mod shared_scenes;
 mod support;
