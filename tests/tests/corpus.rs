@@ -1,8 +1,13 @@
-//! The program that tries models of others: its table and its exit code.
+//! Whole files: every scene of our own and of the shared ones is tried, and so is the program that tries models of others.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+
+use hotspot_integrator::{BuildOptions, Control, RenderScene, frame_bounds, render};
+use hotspot_scene::{LoadOptions, load};
+use hotspot_tests::picture::settings;
+use hotspot_tests::say;
 
 fn corpus(path: &Path) -> (Output, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_corpus")).arg(path).output().expect("corpus runs");
@@ -47,4 +52,63 @@ fn models_that_packages_excuse_may_be_refused() {
     }
     // Nothing to try is a mistake.
     assert_eq!(corpus(&folder.path().join("missing")).0.status.code(), Some(2));
+}
+
+/// Models below a folder.
+fn models(folder: &Path, found: &mut Vec<PathBuf>) {
+    let mut entries: Vec<PathBuf> =
+        fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path()).collect();
+    entries.sort();
+    for path in entries {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        if path.is_dir() {
+            models(&path, found);
+        } else if matches!(extension.as_str(), "gltf" | "glb" | "obj") {
+            found.push(path);
+        }
+    }
+}
+
+/// Loads and renders everything below a folder; what is not modelled is said, with words for each item.
+fn try_all(folder: &Path) -> usize {
+    let mut found = Vec::new();
+    models(folder, &mut found);
+    for file in &found {
+        let shown = file.strip_prefix(folder).unwrap_or(file).display();
+        let scene = load(file, &LoadOptions::default()).unwrap_or_else(|error| panic!("{error}"));
+        let prepared = RenderScene::prepare(&scene, BuildOptions::default())
+            .unwrap_or_else(|error| panic!("{shown}: {error}"));
+        assert!(prepared.triangle_count() > 0, "{shown}: nothing to see");
+        let (min, max) = prepared.bounds();
+        let camera = scene.cameras.first().cloned().unwrap_or_else(|| frame_bounds(min, max));
+        let rendered = render(&prepared, &camera, &settings(32, 24, 1, 15, 0), Control::default());
+        assert!(rendered.non_finite.is_empty(), "{shown}: {:?}", rendered.non_finite);
+        for (x, y) in rendered.frame.pixels() {
+            let film = rendered.frame.film_total(x, y);
+            assert!(film.sum.iter().all(|c| c.is_finite() && *c >= 0.0), "{shown}: {x}, {y}: {film:?}");
+        }
+        let mut line = format!("{shown}: {} triangles", prepared.triangle_count());
+        for item in &scene.unmodelled {
+            assert!(!item.feature.is_empty() && !item.effect.is_empty(), "{shown}: {item:?}");
+            line.push_str(&format!("; not modelled: {} ({}: {})", item.feature, item.element, item.effect));
+        }
+        say(&line);
+    }
+    found.len()
+}
+
+#[test]
+fn every_scene_of_our_own_loads_and_renders() {
+    let tried = try_all(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes"));
+    assert!(tried >= 8, "{tried} scenes");
+}
+
+#[test]
+fn every_shared_scene_loads_and_renders() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
+    if !folder.is_dir() {
+        say("SKIPPED: there are no shared scenes at ../shared/scenes");
+        return;
+    }
+    assert!(try_all(&folder) >= 6);
 }

@@ -73,8 +73,10 @@ pub struct SceneMemory {
 }
 
 impl RenderScene {
-    /// Places the geometry, builds the tree and collects the lights. A scene without any light gets a constant white
-    /// environment, which is named among the repairs.
+    /// Places the geometry, builds the tree and collects the lights. A scene without an environment gets a constant white one,
+    /// which is named among the repairs, where there is no light at all, or nothing but glow: emission of at most 1 that
+    /// comes through textures. Files with glow are made for viewers that light everything by an environment of their
+    /// own. An environment that is stated is respected, even a black one.
     ///
     /// # Errors
     /// When an index is out of range or the tree cannot be built.
@@ -114,10 +116,12 @@ impl RenderScene {
             Lights::new(&scene.materials, environment, &scene.lights, &mut geometry, &textures, radius)
         };
         let mut lights = collect(Surroundings::new(scene.environment.as_ref())?);
-        if lights.is_empty() && !shows_itself(scene) {
+        if scene.environment.is_none()
+            && let Some(problem) = lacks_light(scene, &lights)
+        {
             lights = collect(Surroundings::Constant(Vec3::ONE));
             repairs.push(Repair {
-                what: "no light in the file: a constant white environment is used".into(),
+                what: format!("{problem}: a constant white environment is used (--env 0,0,0 turns it off)"),
                 element: "scene".into(),
                 count: 1,
             });
@@ -234,6 +238,26 @@ fn build_tree(geometry: &Geometry, options: BuildOptions) -> Result<Bvh, BvhErro
     let instances: Vec<Instance> =
         geometry.placed.iter().map(|p| Instance { mesh: p.mesh, to_world: p.to_world }).collect();
     Bvh::build_instanced(world, &meshes, &instances, options)
+}
+
+/// Why a scene without an environment needs one; `None` where it does not.
+fn lacks_light(scene: &Scene, lights: &Lights) -> Option<&'static str> {
+    if shows_itself(scene) {
+        None
+    } else if lights.is_empty() {
+        Some("no light in the file")
+    } else if lights.punctual_count() == 0 && only_glows(scene) {
+        Some("no light in the file but the glow of emissive textures")
+    } else {
+        None
+    }
+}
+
+/// Whether whatever emits does so through a texture, with a factor of at most 1.
+fn only_glows(scene: &Scene) -> bool {
+    let materials = scene.instances.iter().map(|instance| &scene.materials[instance.material as usize]);
+    let mut emission = materials.filter(|material| material.is_emissive()).map(|material| material.emission);
+    emission.all(|emission| emission.texture.is_some() && emission.factor.iter().all(|c| *c <= 1.0))
 }
 
 /// Whether every surface shows its own colour, so that there is nothing to light.

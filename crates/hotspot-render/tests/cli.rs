@@ -233,6 +233,10 @@ fn an_obj_without_camera_and_a_scene_without_light_are_framed_and_lit() {
     );
     assert!(said.contains("no camera in the file") && said.contains("no light in the file"), "{said}");
     assert!(out.join("triangle.exr").exists());
+    // An explicit environment is respected, even a black one.
+    let arguments = [obj.to_str().expect("UTF-8"), "--size", "16x16", "--spp", "4", "--env", "0,0,0", "-o"];
+    let (said, _) = expect(0, &[&arguments[..], &[out.to_str().expect("UTF-8")]].concat());
+    assert!(said.contains("no camera in the file") && !said.contains("no light in the file"), "{said}");
 }
 
 #[test]

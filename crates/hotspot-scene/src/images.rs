@@ -11,12 +11,17 @@ use std::rc::Rc;
 
 use image::{ImageDecoder, ImageFormat, ImageReader, Limits, RgbaImage};
 
+use crate::LoadError;
 use crate::budget::{Budget, readable};
 use crate::error::{REEXPORT, Result, invalid, limit, unsupported};
+use crate::left_out;
 use crate::notes::Notes;
 use crate::options::LoadOptions;
 use crate::reduce::reduce;
 use crate::scene::{Bsdf, Color, Material, Texture};
+
+/// The formats that are read, for people.
+const FORMATS: &str = "PNG, JPEG, WebP, BMP, GIF and TGA";
 
 /// What decoding takes for a moment, in bytes a texel: the decoder's own picture (up to 8) and an RGBA copy.
 const TRANSIENT: u64 = 12;
@@ -67,11 +72,17 @@ impl<'a> Images<'a> {
         }
     }
 
-    /// Takes a PNG, JPEG or WebP, recognised by content, and reads its header. Gives the index that its texture will have,
-    /// which is that of an image of the same bytes where there is one.
+    /// Takes an image and reads its header. Its format is recognised by content; `unmarked` is the one to try where the
+    /// content has no mark of a format. Gives the index that its texture will have, which is that of an image of the same
+    /// bytes where there is one. Pixels are decoded by [`Images::finish`].
+    ///
+    /// # Errors
+    /// Of the kind `Limit` where the image is more than the limits grant, `Unsupported` where its format is not read, and
+    /// `Invalid` where it is damaged.
     pub(crate) fn add(
         &mut self,
         encoded: impl Into<Cow<'a, [u8]>>,
+        unmarked: Option<ImageFormat>,
         name: &str,
         element: &str,
         budget: &Budget,
@@ -87,16 +98,10 @@ impl<'a> Images<'a> {
         if let Some(known) = known {
             return Ok(known);
         }
-        let format = match image::guess_format(&encoded) {
-            Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => format,
-            _ => {
-                return Err(unsupported(
-                    element,
-                    format!("the image \"{name}\" is neither PNG nor JPEG nor WebP"),
-                    "convert it to PNG or JPEG",
-                ));
-            }
-        };
+        let format = format_of(&encoded).or(unmarked).ok_or_else(|| {
+            let problem = format!("the image \"{name}\" is in a format that is not read; {FORMATS} are");
+            unsupported(element, problem, "convert it to PNG or JPEG")
+        })?;
         let decoder = ImageReader::with_format(Cursor::new(&*encoded), format)
             .into_decoder()
             .map_err(|error| broken(error, name, element))?;
@@ -175,16 +180,17 @@ impl<'a> Images<'a> {
         let Some(source) = self.sources.get(index as usize).filter(|source| source.has_alpha) else {
             return true;
         };
-        // What cannot be decoded is refused by `finish`.
+        // What cannot be decoded is left out by `finish`.
         let fits = source.pixels().saturating_mul(TRANSIENT) <= budget.left();
         fits && source.decode(budget, &mut Notes::default()).is_ok_and(|picture| is_solid(&picture))
     }
 
     /// Decodes everything. The sum of the textures' bytes is kept within the texture budget, and within what the memory
-    /// limit leaves, by halving the sides of the largest (noted).
+    /// limit leaves, by halving the sides of the largest (noted). Images that turn out to be damaged are left out of the
+    /// materials (noted).
     pub(crate) fn finish(
         self,
-        materials: &[Material],
+        materials: &mut [Material],
         budget: &Budget,
         notes: &mut Notes,
     ) -> Result<Finished> {
@@ -192,8 +198,20 @@ impl<'a> Images<'a> {
         materials.iter().for_each(|material| mark_colors(material, &mut is_color));
         let sizes = self.plan(budget, notes)?;
         let mut finished = Finished { textures: Vec::new(), solid: Vec::new() };
+        // The index that each texture has in the end.
+        let mut places = Vec::new();
         for ((source, size), is_color) in self.sources.into_iter().zip(sizes).zip(is_color) {
-            let mut picture = source.decode(budget, notes)?;
+            let mut picture = match source.decode(budget, notes) {
+                Ok(picture) => picture,
+                Err(error @ LoadError::Limit { .. }) => return Err(error),
+                Err(error) => {
+                    left_out::note(&error, notes);
+                    places.push(None);
+                    continue;
+                }
+            };
+            // Fewer than `push` has counted.
+            places.push(Some(finished.textures.len() as u32));
             if let Some(glossiness) = source.glossiness {
                 for texel in picture.chunks_exact_mut(4) {
                     let alpha = f32::from(texel.last().copied().unwrap_or(255));
@@ -207,6 +225,9 @@ impl<'a> Images<'a> {
                 if size == whole { picture.into_raw() } else { reduce(&picture, size, is_color, &element)? };
             finished.solid.push(rgba.chunks_exact(4).all(|texel| texel.last() == Some(&255)));
             finished.textures.push(Texture { name, width: size[0], height: size[1], rgba: rgba.into() });
+        }
+        if places.contains(&None) {
+            materials.iter_mut().for_each(|material| left_out::renumber(material, &places, notes));
         }
         Ok(finished)
     }
@@ -287,11 +308,19 @@ impl Source<'_> {
     }
 }
 
+/// The format by the mark at the content's beginning.
+fn format_of(encoded: &[u8]) -> Option<ImageFormat> {
+    image::guess_format(encoded).ok().filter(|format| {
+        use ImageFormat::{Bmp, Gif, Jpeg, Png, WebP};
+        matches!(format, Png | Jpeg | WebP | Bmp | Gif)
+    })
+}
+
 fn is_solid(picture: &RgbaImage) -> bool {
     picture.pixels().all(|texel| texel.0[3] == 255)
 }
 
-fn broken(error: image::ImageError, name: &str, element: &str) -> crate::LoadError {
+fn broken(error: image::ImageError, name: &str, element: &str) -> LoadError {
     match error {
         image::ImageError::Limits(_) => limit(
             element,

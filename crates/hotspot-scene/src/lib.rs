@@ -6,7 +6,8 @@
 //!
 //! Skins and morph targets are bent, and animations shown, at one point in time ([`LoadOptions::time`]).
 //!
-//! Limits of today: triangles only (no points, lines, curves); PNG, JPEG and WebP images; of OBJ's polygons, those that
+//! Limits of today: triangles only (no points, lines, curves); PNG, JPEG, WebP, BMP and TGA images
+//! and the first frames of GIFs; of OBJ's polygons, those that
 //! cross themselves are split as fans.
 //!
 //! ```no_run
@@ -23,6 +24,7 @@ mod files;
 mod geometry;
 mod gltf;
 mod images;
+mod left_out;
 mod notes;
 mod obj;
 mod options;

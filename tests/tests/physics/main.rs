@@ -8,6 +8,7 @@ mod bsdf;
 mod bumps;
 mod closed;
 mod cutouts;
+mod default_light;
 mod emitters;
 mod environment;
 mod furnace;

@@ -16,6 +16,7 @@ use super::member;
 use super::texture::{self, Textures};
 use crate::LoadError;
 use crate::error::{REEXPORT, Result, invalid};
+use crate::left_out;
 use crate::notes::Notes;
 use crate::scene::{Alpha, Bsdf, Channel, Color, Material, NormalMap, Scalar, TextureRef};
 
@@ -365,7 +366,12 @@ impl Reader<'_, '_, '_> {
         if factor == [0.0; 3] {
             return Ok(Color::constant(factor));
         }
-        Ok(Color { factor, texture: self.texture("emissiveTexture")? })
+        let texture = self.texture("emissiveTexture")?;
+        if texture.is_none() && self.has("emissiveTexture") {
+            left_out::note_emission(&self.label, self.notes);
+            return Ok(Color::constant([0.0; 3]));
+        }
+        Ok(Color { factor, texture })
     }
 
     fn normal_map(&mut self) -> Result<Option<NormalMap>> {

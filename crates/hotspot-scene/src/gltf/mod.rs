@@ -120,7 +120,7 @@ impl<'d, 'a> Loader<'d, 'a> {
 
     fn finish(mut self) -> Result<Scene> {
         let scene = &mut self.scene;
-        let finished = self.textures.images.finish(&scene.materials, self.doc.budget, &mut self.notes)?;
+        let finished = self.textures.images.finish(&mut scene.materials, self.doc.budget, &mut self.notes)?;
         scene.textures = finished.textures;
         let has_alpha = |mesh: &Mesh| mesh.colors.iter().flatten().any(|color| color[3] < 1.0);
         let with_alpha: Vec<bool> = scene.meshes.iter().map(has_alpha).collect();

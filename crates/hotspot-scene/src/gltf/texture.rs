@@ -2,7 +2,6 @@
 //!
 //! Slots are read from the JSON: the crate knows those of few extensions, and the transform of few slots.
 
-use std::borrow::Cow;
 use std::collections::HashMap;
 
 use gltf::texture::{MagFilter, Sampler, WrappingMode};
@@ -10,8 +9,10 @@ use serde_json::Value;
 
 use super::document::{Document, label};
 use super::member;
+use crate::LoadError;
 use crate::error::{REEXPORT, Result, invalid, unsupported};
 use crate::images::Images;
+use crate::left_out;
 use crate::notes::Notes;
 use crate::scene::{TextureRef, Wrap};
 
@@ -27,7 +28,8 @@ const WEBP: &str = "EXT_texture_webp";
 /// Images in use, by index in the file too.
 pub(crate) struct Textures<'d> {
     pub(crate) images: Images<'d>,
-    by_image: HashMap<usize, u32>,
+    /// `None` for those left out.
+    by_image: HashMap<usize, Option<u32>>,
 }
 
 /// A texture slot whose image is not read yet.
@@ -61,7 +63,7 @@ impl<'d> Textures<'d> {
         Self { images, by_image: HashMap::new() }
     }
 
-    /// The texture of a slot; `None` where there is no image that we read (noted).
+    /// The texture of a slot; `None` where there is no image, or none that can be read (noted).
     pub(crate) fn read(
         &mut self,
         doc: &'d Document<'_>,
@@ -73,33 +75,45 @@ impl<'d> Textures<'d> {
         let index = match self.by_image.get(&image) {
             Some(known) => *known,
             None => {
-                let new = self.collect(doc, image)?;
+                let new = self.collect(doc, image, notes)?;
                 self.by_image.insert(image, new);
                 new
             }
         };
+        let Some(index) = index else { return Ok(None) };
         let (wrap, nearest) = sampler(&texture.sampler());
         Ok(Some(TextureRef { texture: index, wrap, nearest, transform: slot.transform, second_uvs: false }))
     }
 
-    /// `gltf::Image::source` panics on images with neither URI nor view, so the JSON type is asked.
-    fn collect(&mut self, doc: &'d Document<'_>, index: usize) -> Result<u32> {
+    /// An image that is missing, leads outside or is damaged is left out (noted); what refers to it inside of the file must
+    /// be right, and limits hold. `gltf::Image::source` panics on images with neither URI nor view, so the JSON type is
+    /// asked.
+    fn collect(&mut self, doc: &'d Document<'_>, index: usize, notes: &mut Notes) -> Result<Option<u32>> {
         let path = format!("images[{index}]");
-        let neither = || invalid(path.as_str(), "the image has neither a uri nor a bufferView", REEXPORT);
-        let image = doc.gltf.as_json().images.get(index).ok_or_else(neither)?;
+        let Some(image) = doc.gltf.as_json().images.get(index) else { return Ok(None) };
         let name = match (image.name.as_deref(), image.uri.as_deref()) {
             (Some(name), _) if !name.is_empty() => name.to_owned(),
             (_, Some(uri)) if !crate::uri::is_data(uri) => uri.to_owned(),
             _ => format!("image {index}"),
         };
-        if let Some(uri) = &image.uri {
-            let path = format!("{path}.uri");
-            let encoded = doc.fetch(uri, &path)?;
-            return self.images.add(encoded, &name, &path, doc.budget);
-        }
         let view = image.buffer_view.and_then(|view| doc.gltf.views().nth(view.value()));
-        let encoded: Cow<'d, [u8]> = doc.view(&view.ok_or_else(neither)?)?.into();
-        self.images.add(encoded, &name, &path, doc.budget)
+        let read = match (&image.uri, view) {
+            (Some(uri), _) => {
+                let path = format!("{path}.uri");
+                let encoded = doc.fetch(uri, &path);
+                encoded.and_then(|encoded| self.images.add(encoded, None, &name, &path, doc.budget))
+            }
+            (None, Some(view)) => self.images.add(doc.view(&view)?, None, &name, &path, doc.budget),
+            (None, None) => Err(invalid(path, "the image has neither a uri nor a bufferView", REEXPORT)),
+        };
+        match read {
+            Ok(index) => Ok(Some(index)),
+            Err(error @ LoadError::Limit { .. }) => Err(error),
+            Err(error) => {
+                left_out::note(&error, notes);
+                Ok(None)
+            }
+        }
     }
 }
 

@@ -21,6 +21,7 @@ use super::map::Map;
 use super::mtl::Mtl;
 use super::textures::Textures;
 use crate::error::Result;
+use crate::left_out;
 use crate::notes::Notes;
 use crate::scene::{Alpha, Bsdf, Channel, Color, Material, Scalar, TextureRef};
 
@@ -37,7 +38,11 @@ pub(super) fn build(
     }
     let mut reader = Reader { label: label(&name, mtl), mtl, textures, notes };
     let diffuse = reader.color("Kd", mtl.kd, mtl.map_kd.as_ref(), 0.8)?;
-    let emission = reader.color("Ke", mtl.ke, mtl.map_ke.as_ref(), 0.0)?;
+    let mut emission = reader.color("Ke", mtl.ke, mtl.map_ke.as_ref(), 0.0)?;
+    if mtl.map_ke.is_some() && emission.texture.is_none() && emission.factor != [0.0; 3] {
+        left_out::note_emission(&reader.label, reader.notes);
+        emission = Color::constant([0.0; 3]);
+    }
     let (bsdf, is_glass) = reader.bsdf(diffuse)?;
     let alpha = reader.alpha(is_glass)?;
     Ok(Material { name, bsdf, double_sided: true, emission, alpha, normal_map: None })

@@ -82,7 +82,7 @@ pub(crate) fn load(
         let mesh = scene.meshes.len() as u32 - 1;
         scene.instances.push(Instance { object, mesh, material, to_world: IDENTITY });
     }
-    scene.textures = textures.images.finish(&scene.materials, budget, &mut notes)?.textures;
+    scene.textures = textures.images.finish(&mut scene.materials, budget, &mut notes)?.textures;
     (scene.unmodelled, scene.repairs) = notes.into_lists();
     Ok(scene)
 }

@@ -3,6 +3,8 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use image::ImageFormat;
+
 use super::locate::{Found, locate};
 use super::map::Map;
 use crate::LoadError;
@@ -10,6 +12,7 @@ use crate::budget::Budget;
 use crate::error::Result;
 use crate::files::{self, Folder};
 use crate::images::Images;
+use crate::left_out;
 use crate::notes::Notes;
 use crate::options::LoadOptions;
 use crate::scene::TextureRef;
@@ -20,7 +23,7 @@ pub(super) struct Textures<'a> {
     folder: &'a Folder,
     options: &'a LoadOptions,
     pub(super) budget: &'a Budget,
-    /// `None` for pictures in a format that is not read.
+    /// `None` for pictures that are not read.
     by_path: HashMap<PathBuf, Option<u32>>,
 }
 
@@ -29,7 +32,7 @@ impl<'a> Textures<'a> {
         Self { images: Images::new(options), folder, options, budget, by_path: HashMap::new() }
     }
 
-    /// The texture of a statement in `file`; `None` where it is missing or in a format that is not read (noted).
+    /// The texture of a statement in `file`; `None` where it cannot be read (noted).
     pub(super) fn read(
         &mut self,
         map: Option<&Map>,
@@ -37,8 +40,8 @@ impl<'a> Textures<'a> {
         notes: &mut Notes,
     ) -> Result<Option<TextureRef>> {
         let Some(map) = map else { return Ok(None) };
-        let element = format!("line {}", map.line);
-        let shown = format!("{} {element}: {}", file.display(), map.name);
+        let element = format!("{} line {}", file.display(), map.line);
+        let shown = format!("{element}: {}", map.name);
         let found = match locate(self.folder, file, &map.name) {
             Found::AsNamed(path) => path,
             Found::Elsewhere(path) => {
@@ -57,20 +60,24 @@ impl<'a> Textures<'a> {
         let texture = match self.by_path.get(&found) {
             Some(known) => *known,
             None => {
-                let bytes = files::read(&found, self.options.max_file_bytes, self.budget, &element)?;
-                let read = match self.images.add(bytes, &map.name, &element, self.budget) {
+                let is_tga = found.extension().is_some_and(|e| e.eq_ignore_ascii_case("tga"));
+                // TGA begins without a mark.
+                let unmarked = is_tga.then_some(ImageFormat::Tga);
+                let bytes = files::read(&found, self.options.max_file_bytes, self.budget, &element);
+                let read = bytes
+                    .and_then(|bytes| self.images.add(bytes, unmarked, &map.name, &element, self.budget));
+                let read = match read {
                     Ok(index) => Some(index),
-                    Err(LoadError::Unsupported { .. }) => None,
-                    Err(error) => return Err(error),
+                    Err(error @ LoadError::Limit { .. }) => return Err(error),
+                    Err(error) => {
+                        left_out::note(&error, notes);
+                        None
+                    }
                 };
                 self.by_path.insert(found, read);
                 read
             }
         };
-        if texture.is_none() {
-            let feature = "texture neither PNG, JPEG nor WebP";
-            notes.unmodelled(feature, &shown, "the texture is left out: convert it");
-        }
         Ok(texture.map(|texture| TextureRef {
             texture,
             wrap: [map.wrap; 2],

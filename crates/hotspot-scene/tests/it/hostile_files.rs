@@ -1,4 +1,5 @@
-//! Files that name other files: only regular ones inside the scene's folder are read.
+//! Files that name other files: only regular ones inside the scene's folder are read. Without a buffer there is no scene;
+//! without an image there is one texture less.
 
 use std::fs;
 
@@ -66,15 +67,34 @@ fn names_that_lead_outside_are_refused() {
         assert_refused(result, uri, "a.gltf", &["buffers[0].uri", part]);
         let (json, bin) = gltf_with_image(uri);
         let container = glb(&json, &bin);
-        let result = load_files(&[("a.gltf", &container), ("sub/x", b"")]);
-        assert_refused(result, uri, "a.gltf", &["images[0].uri", part]);
+        let secret = png(&[[1; 4]; 4]);
+        let scene = load_files(&[("in/a.gltf", &container), ("in/sub/x", b""), ("b.bin", &secret)]).unwrap();
+        assert_left_out(&scene, uri, &["images[0].uri", part]);
     }
 }
 
 #[test]
 fn a_scene_in_memory_reaches_no_file() {
     let (json, bin) = gltf_with_image("Cargo.toml");
-    assert_refused(load_pair(&json, &bin), "in memory", "test.glb", &["images[0].uri", "no folder"]);
+    let scene = load_pair(&json, &bin).unwrap();
+    assert_left_out(&scene, "in memory", &["images[0].uri", "no folder"]);
+    let (mut json, _) = square();
+    json["buffers"][0]["uri"] = "Cargo.toml".into();
+    assert_refused(load_pair(&json, &bin), "in memory", "test.glb", &["buffers[0].uri", "no folder"]);
+}
+
+#[test]
+fn an_image_over_the_size_limit_is_refused_not_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let (json, bin) = gltf_with_image("t.png");
+    let scene = folder.path().join("a.glb");
+    let bytes = glb(&json, &bin);
+    fs::write(&scene, &bytes).unwrap();
+    fs::write(folder.path().join("t.png"), vec![0; bytes.len() + 1]).unwrap();
+    let options = LoadOptions { max_file_bytes: bytes.len() as u64, ..Default::default() };
+    let result = load(&scene, &options);
+    assert!(matches!(result, Err(LoadError::Limit { .. })), "{result:?}");
+    assert_refused(result, "large image", "a.glb", &["images[0].uri", "t.png", "limit"]);
 }
 
 #[test]
@@ -92,6 +112,10 @@ fn mtllib_of_dev_zero_and_its_like_are_never_read() {
         assert_eq!(repaired(&scene, "texture left out"), 1, "{name}");
         assert!(scene.textures.is_empty(), "{name}");
     }
+    // A folder where a picture should be.
+    let obj = b"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
+    let files: [(&str, &[u8]); 3] = [("a.obj", obj), ("m.mtl", b"newmtl m\nmap_Kd sub\n"), ("sub/x", b"")];
+    assert_left_out(&load_files(&files).unwrap(), "folder", &["m.mtl line 2", "not a regular file"]);
     assert_refused(
         load_files(&[("a.obj", b"mtllib sub\n"), ("sub/x", b"")]),
         "folder",
@@ -155,11 +179,22 @@ fn links_that_lead_outside_devices_and_pipes_are_refused() {
     std::os::unix::fs::symlink("real.bin", &link).unwrap();
     check(&load(&scene, &options).unwrap());
 
+    // An image behind a link that leads outside is not read, though it is a picture.
+    fs::write(outside.path().join("t.png"), png(&[[1; 4]; 4])).unwrap();
+    std::os::unix::fs::symlink(outside.path().join("t.png"), folder.path().join("t.png")).unwrap();
+    let (textured, whole) = gltf_with_image("t.png");
+    let linked = folder.path().join("linked.glb");
+    fs::write(&linked, glb(&textured, &whole)).unwrap();
+    assert_left_out(&load(&linked, &options).unwrap(), "link", &["images[0].uri", "symbolic link"]);
+
     // A pipe without a writer would block an open for ever.
     fs::remove_file(&link).unwrap();
     let made = std::process::Command::new("mkfifo").arg(&link).status();
     if made.is_ok_and(|status| status.success()) {
         assert_refused(load(&scene, &options), "pipe", "a.gltf", &["buffers[0].uri", "not a regular file"]);
+        let (textured, whole) = gltf_with_image("link.bin");
+        fs::write(&linked, glb(&textured, &whole)).unwrap();
+        assert_left_out(&load(&linked, &options).unwrap(), "pipe", &["not a regular file"]);
     }
     assert_refused(load("/dev/zero".as_ref(), &options), "device", "/dev/zero", &["not a regular file"]);
 }

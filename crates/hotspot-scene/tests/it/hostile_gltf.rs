@@ -429,17 +429,10 @@ fn limits_are_kept() {
 }
 
 #[test]
-fn broken_images_are_refused_by_name() {
-    let cases: [Case; 7] = [
-        ("neither uri nor view", |j| j["images"][0] = json!({}), &["images[0]", "neither"]),
+fn wrong_references_to_images_are_refused_by_name() {
+    let cases: [Case; 4] = [
         ("view out of range", |j| j["images"][0]["bufferView"] = 5.into(), &["images[0].bufferView", "5"]),
         ("view past the end", |j| j["bufferViews"][4]["byteLength"] = 9999.into(), &["bufferViews[4]"]),
-        (
-            "not an image",
-            |j| j["images"][0]["bufferView"] = 0.into(),
-            &["images[0]", "neither PNG nor JPEG nor WebP"],
-        ),
-        ("cut short", |j| j["bufferViews"][4]["byteLength"] = 40.into(), &["images[0]", "decoded"]),
         ("no such texture", |j| j["textures"] = json!([]), &["baseColorTexture.index"]),
         (
             "wrap mode",

@@ -210,6 +210,18 @@ pub(crate) fn repaired(scene: &Scene, what: &str) -> u64 {
     scene.repairs.iter().filter(|r| r.what.contains(what)).map(|r| r.count).sum()
 }
 
+/// Asserts that the scene is whole but for one image, which is named with all `parts`.
+#[track_caller]
+pub(crate) fn assert_left_out(scene: &Scene, case: &str, parts: &[&str]) {
+    check(scene);
+    assert!(scene.textures.is_empty() && scene.meshes.len() == 1, "{case}");
+    let [repair] = &scene.repairs[..] else { panic!("{case}: {:?}", scene.repairs) };
+    assert!(repair.what.contains("image left out") && repair.count == 1, "{case}: {repair:?}");
+    for part in parts {
+        assert!(repair.element.contains(part), "{case}: no {part} in {repair:?}");
+    }
+}
+
 /// Asserts that loading failed with a message that names `file` and holds all `parts`.
 #[track_caller]
 pub(crate) fn assert_refused(result: Result<Scene, LoadError>, case: &str, file: &str, parts: &[&str]) {
