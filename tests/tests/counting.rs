@@ -434,9 +434,9 @@ fn cutouts_and_instances_cost_what_the_oracle_says() {
     for i in 0..10 {
         let mut m = IDENTITY;
         let size = random.within(0.6, 1.2);
-        for k in 0..3 {
-            m[k][k] = size;
-            m[k][3] = random.within(-1.5, 1.5);
+        for (k, row) in m.iter_mut().enumerate() {
+            row[k] = size;
+            row[3] = random.within(-1.5, 1.5);
         }
         let holes = masked(matte([0.5; 3]), by_alpha(nearest(0)));
         let material = if i % 2 == 0 { holes } else { matte([0.5; 3]) };

@@ -163,10 +163,40 @@ fn boxes_do_not_leak() {
         let scene = world.prepare_with(Instancing::Always);
         assert_eq!(scene.instance_count(), 2);
         let look = [0, 1, 2].map(|k| at[k] + size * [0.3, 0.5, -0.6][k]);
-        let mut settings = settings(32, 32, 16, 12, i as u64);
+        let mut settings = settings(32, 32, 8, 12, i as u64);
         settings.roulette_from = None;
         let seen = picture(&scene, &pinhole(at, look, 100.0), &settings);
         assert_eq!(seen.max(), 0.0, "box {i} of {size} at {at:?}");
+    }
+}
+
+/// The same where the mesh lies far from its own origin and is brought back by its matrix: coordinates in the mesh's space
+/// round far more coarsely than those in the world.
+#[test]
+fn boxes_far_from_their_origin_do_not_leak() {
+    let mut random = Random(4);
+    for i in 0..24 {
+        let far = [1e2, 1e3, 1e4][i % 3];
+        let middle = [far, far * [1.0, -1.0][i % 2], far];
+        let corner = |s: f64| [0, 1, 2].map(|k| middle[k] + s * (1.0 + 0.01 * k as f64));
+        let angle = if i % 4 == 0 { core::f64::consts::FRAC_PI_4 } else { random.within(0.0, 6.0) };
+        let mut m = matrix(1.0, random.within(-0.3, 0.3), angle, i % 2 == 0, [0.0; 3]);
+        for row in &mut m {
+            row[3] = -(0..3).map(|k| row[k] * middle[k]).sum::<f64>();
+        }
+        let mut away = m;
+        away[0][3] += 9.0;
+        let world = World::new()
+            .with_placed(cuboid(corner(-1.0), corner(1.0), i % 5 == 0), matte([0.9; 3]), m)
+            .with_again(matte([0.9; 3]), away)
+            .with_light(LightKind::Directional { direction: [0.48, -0.64, -0.6] }, [1e3; 3])
+            .with_environment([1e6; 3]);
+        let scene = world.prepare_with(Instancing::Always);
+        assert_eq!(scene.instance_count(), 2);
+        let mut settings = settings(32, 32, 8, 12, i as u64);
+        settings.roulette_from = None;
+        let seen = picture(&scene, &pinhole([0.0; 3], [0.3, 0.5, -0.6], 100.0), &settings);
+        assert_eq!(seen.max(), 0.0, "box {i}, {far} from its origin");
     }
 }
 
@@ -304,6 +334,9 @@ fn memory_is_that_of_one() {
     let mixed = spread(3, 1, &metal([0.9; 3], 0.4)).with_again(light([1.0; 3]), IDENTITY);
     let mixed = mixed.prepare_with(Instancing::Always);
     assert_eq!((mixed.instance_count(), mixed.light_count(), mixed.triangle_count()), (3, 80, 160));
+    // Two uses, one of which must be written out, are no two uses.
+    let pair = spread(1, 1, &plain).with_again(light([1.0; 3]), IDENTITY).prepare_with(Instancing::Always);
+    assert_eq!((pair.instance_count(), pair.triangle_count()), (0, 160));
     // Flat matrices have no way back: written out, and dropped there.
     let mut flat = IDENTITY;
     flat[0][0] = 0.0;

@@ -285,9 +285,14 @@ fn absorption_by_lambert_and_beer() {
         let d = thickness * f64::sqrt(1.0 + dx * dx);
         let expected = SIGMA.map(|s| 2.0 * (-f64::from(s) * d).exp());
         assert_exact(&world, (from, to), 8, expected, 1e-5, &format!("{thickness}, {dx}"));
-        // A pane has no inside.
-        let pane = World::new().with(wall(), glass(1.0, true, SIGMA)).with_environment([2.0; 3]);
-        assert_exact(&pane, ([0.3, 0.2, 2.0], [0.3, 0.2, 0.0]), 8, [2.0; 3], 1e-5, "pane");
+    }
+    // A pane has no inside, on neither of its sides: a lamp far behind it is seen in full.
+    for z in [2.0, -2.0] {
+        let lamp = Material { double_sided: true, ..light([2.0; 3]) };
+        let pane = World::new()
+            .with(wall(), glass(1.0, true, SIGMA))
+            .with(rectangle([0.0, 0.0, -3.0 * z], [9.0, 0.0, 0.0], [0.0, 9.0, 0.0]), lamp);
+        assert_exact(&pane, ([0.3, 0.2, z], [0.3, 0.2, 0.0]), 8, [2.0; 3], 1e-5, "pane");
     }
     // Beside the glass, behind it and before it nothing is lost.
     let world = World::new()
