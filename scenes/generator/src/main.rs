@@ -114,8 +114,10 @@ fn main() -> ExitCode {
             }
         }
         if !check {
-            let (name, n, stored) = (scene.name, scene.triangles, scene.stored);
-            println!("{name}: {n} triangles ({stored} stored), {bytes} bytes");
+            match (scene.name, scene.triangles, scene.stored, scene.files.len()) {
+                (name, 0, _, count) => println!("{name}: {count} files, {bytes} bytes"),
+                (name, n, stored, _) => println!("{name}: {n} triangles ({stored} stored), {bytes} bytes"),
+            }
         }
     }
     if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS }

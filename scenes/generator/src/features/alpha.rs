@@ -4,7 +4,7 @@ use super::doc::{Doc, matte, merge, painted, with};
 use super::png::Png;
 use super::stage::{CLAMP, Lit, REPEAT, WHOLE, card, card_uvs, checker, sampler};
 use crate::gltf_writer::numbers;
-use crate::math::{sin_cos, v};
+use crate::math::{X, quaternion, sin_cos, v};
 use crate::shapes::Mesh;
 use serde_json::json;
 
@@ -48,12 +48,11 @@ pub(super) fn mask() -> Doc {
     let solid = doc.matte("Leaf green", green);
     let part = doc.textured(&card(0.8, 0.8), &card_uvs(WHOLE));
     let mesh = doc.mesh(&part, cut);
-    doc.place("Mask", mesh, [-1.15, 0.5, 0.0]);
-    doc.add("Triangles", &ring(0.16, 0.36, 96), solid, [-0.25, 0.5, 0.0]);
+    doc.place("Mask", mesh, [-1.3, 0.6, -1.1]);
+    doc.add("Triangles", &ring(0.16, 0.36, 96), solid, [-0.35, 0.6, -1.1]);
     // Alpha 1 in the middle, 0 at the edge: kept within 1 - cutoff.
-    let slope = Png::new(48, 48, |x, y| {
-        [235, 170, 60, ((1.0 - radius(x, y)).max(0.0) * 255.0 + 0.5).floor() as u8]
-    });
+    let slope =
+        Png::new(48, 48, |x, y| [235, 170, 60, ((1.0 - radius(x, y)).max(0.0) * 255.0 + 0.5).floor() as u8]);
     let slope = doc.texture(&slope, sampler(CLAMP, CLAMP, false));
     for (i, cutoff) in [0.25, 0.5, 0.75].into_iter().enumerate() {
         let value = with(painted(slope), json!({ "alphaMode": "MASK", "alphaCutoff": cutoff }));
@@ -62,18 +61,18 @@ pub(super) fn mask() -> Doc {
         let mesh = doc.mesh(&part, material);
         doc.place(&format!("Cutoff {cutoff}"), mesh, [(i as f64 - 1.0) * 0.9, 1.38, 0.0]);
     }
-    // The same picture OPAQUE: alpha is ignored. And a second ring, lying, whose shadow falls on the floor.
+    // The same picture OPAQUE: alpha is ignored. And a second ring, leaning, whose shadow falls on the floor.
     let opaque = doc.material("Opaque", painted(slope));
     let part = doc.textured(&card(0.5, 0.5), &card_uvs(WHOLE));
     let mesh = doc.mesh(&part, opaque);
-    doc.place("Opaque", mesh, [0.52, 0.35, 0.0]);
+    doc.place("Opaque", mesh, [0.4, 0.35, 0.0]);
     let part = doc.textured(&card(0.7, 0.7), &card_uvs(WHOLE));
     let mesh = doc.mesh(&part, cut);
-    let quarter = 0.5f64.sqrt();
+    let tilt = quaternion(X, -0.17);
     doc.root(json!({
-        "name": "Lying", "mesh": mesh,
-        "translation": numbers(&[1.25, 0.45, 0.2]),
-        "rotation": numbers(&[-quarter, 0.0, 0.0, quarter]),
+        "name": "Leaning", "mesh": mesh,
+        "translation": numbers(&[1.15, 0.4, 0.2]),
+        "rotation": numbers(&tilt),
     }));
     doc
 }

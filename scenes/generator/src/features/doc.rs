@@ -77,8 +77,7 @@ impl Doc {
 
     /// An accessor of floats, with bounds (which positions and key times need).
     pub(super) fn floats<const N: usize>(&mut self, rows: &[[f64; N]]) -> usize {
-        let bytes: Vec<u8> =
-            rows.iter().flatten().flat_map(|x| (*x as f32 + 0.0).to_le_bytes()).collect();
+        let bytes: Vec<u8> = rows.iter().flatten().flat_map(|x| (*x as f32 + 0.0).to_le_bytes()).collect();
         let bound = |pick: fn(f32, f32) -> f32| -> Vec<f64> {
             (0..N)
                 .map(|n| {
@@ -253,7 +252,10 @@ pub(super) fn with(mut value: Value, more: Value) -> Value {
 
 /// A Lambertian surface: a dielectric without specular reflection.
 pub(super) fn matte(color: [f64; 3]) -> Value {
-    with(pbr(color, 0.0, 1.0), json!({ "extensions": { "KHR_materials_specular": { "specularFactor": 0.0 } } }))
+    with(
+        pbr(color, 0.0, 1.0),
+        json!({ "extensions": { "KHR_materials_specular": { "specularFactor": 0.0 } } }),
+    )
 }
 
 /// The core model.

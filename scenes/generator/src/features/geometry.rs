@@ -3,7 +3,7 @@
 use super::doc::{Doc, F32, U8, U16, matte, with};
 use super::stage::{Lit, card};
 use crate::gltf_writer::numbers;
-use crate::math::{Vec3, Z, sin_cos, v};
+use crate::math::{Vec3, Y, Z, quaternion, sin_cos, smoothstep, v};
 use crate::shapes::{Mesh, join, sheet, sphere};
 use serde_json::json;
 
@@ -21,8 +21,11 @@ pub(super) fn vertex_colors() -> Doc {
     let all: Vec<[u8; 3]> = BYTES.iter().flat_map(|c| [*c; 4]).collect();
     let floats: Vec<[f64; 3]> = all.iter().map(|c| c.map(|c| f64::from(c) / 255.0)).collect();
     let bytes: Vec<u8> = all.iter().flat_map(|c| [c[0], c[1], c[2], 0]).collect();
-    let shorts: Vec<u8> =
-        all.iter().flat_map(|c| [c[0], c[1], c[2], 255]).flat_map(|c| (u16::from(c) * 257).to_le_bytes()).collect();
+    let shorts: Vec<u8> = all
+        .iter()
+        .flat_map(|c| [c[0], c[1], c[2], 255])
+        .flat_map(|c| (u16::from(c) * 257).to_le_bytes())
+        .collect();
     let normalized = json!({ "normalized": true });
     let accessors = [
         ("Floats", doc.floats(&floats)),
@@ -74,7 +77,7 @@ pub(super) fn vertex_colors() -> Doc {
 fn hills(height: f64) -> Mesh {
     sheet(16, 16, |u, w| {
         let d = (u - 0.5) * (u - 0.5) + (w - 0.5) * (w - 0.5);
-        v(u - 0.5, w - 0.5, height * (1.0 - 4.0 * d).max(0.0))
+        v(u - 0.5, w - 0.5, height * (1.0 - smoothstep(0.0, 0.25, d)))
     })
 }
 
@@ -83,10 +86,9 @@ pub(super) fn sparse() -> Doc {
     let mut doc = Doc::new("sparse-accessor");
     doc.stage(Lit::Well);
     let paint = doc.matte("Paint", [0.3, 0.55, 0.6]);
-    let (flat, raised) = (hills(0.0), hills(0.45));
+    let (flat, raised) = (hills(0.0), hills(0.35));
     let twin = doc.part(&raised);
-    let moved: Vec<usize> =
-        (0..flat.positions.len()).filter(|i| raised.positions[*i].z != 0.0).collect();
+    let moved: Vec<usize> = (0..flat.positions.len()).filter(|i| raised.positions[*i].z != 0.0).collect();
     let indices: Vec<u8> = moved.iter().flat_map(|i| (*i as u16).to_le_bytes()).collect();
     let bytes = |points: &mut dyn Iterator<Item = Vec3>| -> Vec<u8> {
         points.flat_map(|p| p.array()).flat_map(|x| (x as f32).to_le_bytes()).collect()
@@ -96,7 +98,7 @@ pub(super) fn sparse() -> Doc {
     let base = doc.view(&bytes(&mut flat.positions.iter().copied()));
     let mut part = twin.clone();
     let bounds = |z: f64| json!({ "min": [-0.5, -0.5, 0.0], "max": [0.5, 0.5, z] });
-    let peak = f64::from(0.45f32);
+    let peak = f64::from(0.35f32);
     part["attributes"]["POSITION"] = json!(doc.push(
         "accessors",
         with(
@@ -131,9 +133,9 @@ pub(super) fn sparse() -> Doc {
     ));
     let zeros = doc.mesh(&part, paint);
     let turn = |mesh: usize, name: &str, x: f64| {
-        // A little from above, so that the hill is seen.
-        let (s, c) = sin_cos(0.07);
-        json!({ "name": name, "mesh": mesh, "translation": numbers(&[x, 0.8, 0.0]), "rotation": numbers(&[0.0, s, 0.0, c]) })
+        // A little from the side, so that the hill is seen.
+        let rotation = numbers(&quaternion(Y, 0.07));
+        json!({ "name": name, "mesh": mesh, "translation": numbers(&[x, 0.8, 0.0]), "rotation": rotation })
     };
     doc.root(turn(sparse, "Sparse", -1.1));
     doc.root(turn(plain, "Plain", 0.0));
@@ -233,7 +235,8 @@ pub(super) fn strips_fans() -> Doc {
         })
         .collect();
     let (strip, fan) = (doc.floats(&ribbon), doc.floats(&star));
-    let strip_list: Vec<u32> = (0..16).flat_map(|i| if i % 2 == 0 { [i, i + 1, i + 2] } else { [i, i + 2, i + 1] }).collect();
+    let strip_list: Vec<u32> =
+        (0..16).flat_map(|i| if i % 2 == 0 { [i, i + 1, i + 2] } else { [i, i + 2, i + 1] }).collect();
     let fan_list: Vec<u32> = (1..11).flat_map(|i| [0, i, i + 1]).collect();
     let (strip_list, fan_list) = (doc.indices(&strip_list), doc.indices(&fan_list));
     for (name, position, mode, list, at) in [

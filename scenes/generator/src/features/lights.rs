@@ -10,10 +10,8 @@ use serde_json::json;
 /// Three bays side by side, open to the front; `roofs` says which have one.
 fn bays(doc: &mut Doc, roofs: [bool; 3]) {
     let wall = doc.matte("Bay", [0.62, 0.62, 0.6]);
-    let mut parts: Vec<Mesh> = vec![
-        cuboid(v(-1.8, -0.1, -0.9), v(1.8, 0.0, 0.9)),
-        cuboid(v(-1.8, 0.0, -1.0), v(1.8, 1.6, -0.9)),
-    ];
+    let mut parts: Vec<Mesh> =
+        vec![cuboid(v(-1.8, -0.1, -0.9), v(1.8, 0.0, 0.9)), cuboid(v(-1.8, 0.0, -1.0), v(1.8, 1.6, -0.9))];
     for i in 0..4 {
         let x = -1.8 + 1.2 * f64::from(i);
         parts.push(cuboid(v(x - 0.02, 0.0, -0.9), v(x + 0.02, 1.6, 0.9)));
@@ -23,7 +21,7 @@ fn bays(doc: &mut Doc, roofs: [bool; 3]) {
         parts.push(cuboid(v(x, 1.6, -1.0), v(x + 1.2, 1.66, 0.9)));
     }
     doc.add("Bays", &join(parts), wall, [0.0; 3]);
-    doc.look("Camera", v(0.0, 0.95, 7.0), v(0.0, 0.78, 0.0), 19.5);
+    doc.look("Camera", v(0.0, 2.3, 7.0), v(0.0, 0.74, 0.0), 19.0);
 }
 
 /// Ceiling lamps of equal power: strength 1 and a large area, 4 and a quarter of it, 16 and a sixteenth.
@@ -65,7 +63,7 @@ pub(super) fn emissive_sides() -> Doc {
 pub(super) fn punctual() -> Doc {
     let mut doc = Doc::new("lights-punctual");
     bays(&mut doc, [true, true, false]);
-    doc.environment = Some([0.03; 3]);
+    doc.environment = Some([0.15; 3]);
     let pole = doc.matte("Pole", [0.75, 0.3, 0.2]);
     let part = doc.part(&cylinder(0.07, 0.5, 0.0, 24));
     let pole = doc.mesh(&part, pole);
@@ -73,13 +71,13 @@ pub(super) fn punctual() -> Doc {
         doc.place(&format!("Pole {i}"), pole, [(f64::from(i) - 1.0) * 1.2 + 0.15, 0.0, 0.1]);
     }
     doc.lights = vec![
-        json!({ "name": "Lamp", "type": "point", "color": [1.0, 0.85, 0.6], "intensity": 2.5 }),
+        json!({ "name": "Lamp", "type": "point", "color": [1.0, 0.85, 0.6], "intensity": 0.8 }),
         json!({
-            "name": "Spot", "type": "spot", "color": [0.7, 0.85, 1.0], "intensity": 8.0,
+            "name": "Spot", "type": "spot", "color": [0.7, 0.85, 1.0], "intensity": 12.0,
             // The edge is soft between radii 0.25 and 0.5 at the floor, 1.5 below.
             "spot": { "innerConeAngle": 0.165148677, "outerConeAngle": 0.321750554 },
         }),
-        json!({ "name": "Sun", "type": "directional", "color": [1.0, 0.95, 0.85], "intensity": 3.0 }),
+        json!({ "name": "Sun", "type": "directional", "color": [1.0, 0.95, 0.85], "intensity": 2.5 }),
     ];
     let lit = |light: usize| json!({ "KHR_lights_punctual": { "light": light } });
     doc.root(json!({ "name": "Point", "translation": [-1.45, 1.1, 0.1], "extensions": lit(0) }));

@@ -37,8 +37,7 @@ pub(super) fn metal() -> Doc {
     doc.stage(Lit::Well);
     let gold = [1.0, 0.77, 0.34];
     let rough = [0.0, 0.15, 0.35, 0.6, 1.0].map(|r| (format!("Gold, roughness {r}"), pbr(gold, 1.0, r)));
-    let share =
-        [0.0, 0.25, 0.5, 0.75, 1.0].map(|m| (format!("Metallic {m}"), pbr([0.8, 0.1, 0.1], m, 0.3)));
+    let share = [0.0, 0.25, 0.5, 0.75, 1.0].map(|m| (format!("Metallic {m}"), pbr([0.8, 0.1, 0.1], m, 0.3)));
     spheres(&mut doc, 0.28, &[rough.to_vec(), share.to_vec()]);
     doc
 }
@@ -86,8 +85,6 @@ pub(super) fn glass() -> Doc {
     doc
 }
 
-
-
 /// Panes of growing transmission before a board; below, tinted ones.
 pub(super) fn transmission() -> Doc {
     let mut doc = Doc::new("transmission");
@@ -113,7 +110,8 @@ pub(super) fn transmission() -> Doc {
 pub(super) fn specular_ior() -> Doc {
     let mut doc = Doc::new("specular-ior");
     doc.stage(Lit::Well);
-    let coat = |extensions: Value| with(pbr([0.02, 0.02, 0.025], 0.0, 0.15), json!({ "extensions": extensions }));
+    let coat =
+        |extensions: Value| with(pbr([0.02, 0.02, 0.025], 0.0, 0.15), json!({ "extensions": extensions }));
     let specular = |value: Value| coat(json!({ "KHR_materials_specular": value }));
     let above = vec![
         ("Factor 0".to_owned(), specular(json!({ "specularFactor": 0.0 }))),
@@ -144,8 +142,9 @@ pub(super) fn specular_glossiness() -> Doc {
     let mut above: Vec<(String, Value)> =
         [0.0, 0.4, 0.7, 0.9].map(|g| (format!("Glossiness {g}"), glossy(blue, 0.04, g))).to_vec();
     above.push(("Specular 0".into(), glossy(blue, 0.0, 0.7)));
-    let mut below: Vec<(String, Value)> =
-        [0.0, 0.4, 0.7, 0.9].map(|g| (format!("Roughness {}", numbers(&[1.0 - g])[0]), pbr(blue, 0.0, 1.0 - g))).to_vec();
+    let mut below: Vec<(String, Value)> = [0.0, 0.4, 0.7, 0.9]
+        .map(|g| (format!("Roughness {}", numbers(&[1.0 - g])[0]), pbr(blue, 0.0, 1.0 - g)))
+        .to_vec();
     below.push(("Matte".into(), matte(blue)));
     spheres(&mut doc, 0.28, &[above, below]);
     doc
@@ -155,6 +154,7 @@ pub(super) fn specular_glossiness() -> Doc {
 pub(super) fn unlit() -> Doc {
     let mut doc = Doc::new("unlit");
     doc.stage(Lit::Dim);
+    doc.environment = Some([0.3; 3]);
     let shown = |value: Value| {
         let mut value = value;
         value["extensions"] = json!({ "KHR_materials_unlit": {} });

@@ -73,15 +73,18 @@ pub(super) fn skin() -> Doc {
     let joints: Vec<u8> = shape.positions.iter().flat_map(|_| [0, 1, 0, 0]).collect();
     let joints = doc.accessor(&joints, U8, "VEC4", shape.positions.len(), json!({}));
     let share = |soft: bool, y: f64| {
-        let t: f64 = if soft { (y - 0.25) * 2.0 } else if y > 0.5 { 1.0 } else { 0.0 };
+        let t: f64 = if soft {
+            (y - 0.25) * 2.0
+        } else if y > 0.5 {
+            1.0
+        } else {
+            0.0
+        };
         t.clamp(0.0, 1.0)
     };
     let weights = |soft: bool, doc: &mut Doc| {
-        let rows: Vec<[f64; 4]> = shape
-            .positions
-            .iter()
-            .map(|p| [1.0 - share(soft, p.y), share(soft, p.y), 0.0, 0.0])
-            .collect();
+        let rows: Vec<[f64; 4]> =
+            shape.positions.iter().map(|p| [1.0 - share(soft, p.y), share(soft, p.y), 0.0, 0.0]).collect();
         doc.floats(&rows)
     };
     let (hard, soft) = (weights(false, &mut doc), weights(true, &mut doc));
@@ -126,9 +129,8 @@ pub(super) fn skin() -> Doc {
     let part = doc.part(&block(0.06, 0.06, 0.06).at(0.0, -0.03, 0.0));
     let mark = doc.mesh(&part, mark);
     let (s, c) = sin_cos(0.125);
-    for (i, end) in [v(-0.75, 1.2, 0.0), v(-0.2 + 0.5 * s, 0.7 + 0.5 * c, 0.0), v(1.1, 0.7, 0.0)]
-        .into_iter()
-        .enumerate()
+    for (i, end) in
+        [v(-0.75, 1.2, 0.0), v(-0.2 + 0.5 * s, 0.7 + 0.5 * c, 0.0), v(1.1, 0.7, 0.0)].into_iter().enumerate()
     {
         doc.place(&format!("Mark {i}"), mark, end.array());
     }

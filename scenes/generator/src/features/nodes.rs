@@ -24,7 +24,7 @@ pub(super) fn mirrored() -> Doc {
     let mut doc = Doc::new("mirrored-node");
     doc.stage(Lit::Well);
     let paint = doc.matte("Paint", [0.6, 0.3, 0.2]);
-    let lamp = doc.material("Lamp", light([0.3, 0.9, 1.0], 2.0));
+    let lamp = doc.material("Lamp", light([0.2, 0.6, 0.8], 1.0));
     let panel = card(0.5, 0.12).at(0.06, -0.14, 0.2);
     let flip = Affine::scale(v(-1.0, 1.0, 1.0));
     let mut mesh = |shape: Mesh, panel: Mesh| {
@@ -46,16 +46,14 @@ pub(super) fn mirrored() -> Doc {
 
 /// A cone with a ball on top, 0.1 wide.
 fn pawn() -> Mesh {
-    join([
-        lathe(&[(0.05, 0.0), (0.05, 0.0), (0.02, 0.1)], 12),
-        sphere(0.03, 12).at(0.0, 0.11, 0.0),
-    ])
+    join([lathe(&[(0.05, 0.0), (0.05, 0.0), (0.02, 0.1)], 12), sphere(0.03, 12).at(0.0, 0.11, 0.0)])
 }
 
 /// Two hundred nodes of one mesh, in rows that shrink and turn.
 pub(super) fn instances() -> Doc {
     let mut doc = Doc::new("instances");
-    doc.stage(Lit::Well);
+    doc.bare_stage(Lit::Well);
+    doc.look("Camera", v(0.0, 2.9, 6.0), v(0.0, 0.25, 0.0), 21.5);
     let paint = doc.matte("Paint", [0.25, 0.45, 0.6]);
     let part = doc.part(&pawn());
     let mesh = doc.mesh(&part, paint);
@@ -119,7 +117,7 @@ pub(super) fn orthographic() -> Doc {
     let mut doc = Doc::new("orthographic");
     doc.bare_stage(Lit::Well);
     let camera = json!({ "type": "orthographic", "orthographic": { "xmag": 1.8, "ymag": 1.2, "znear": 0.1, "zfar": 50.0 } });
-    doc.camera("Camera", v(0.0, 3.0, 6.0), v(0.0, 0.65, 0.0), camera);
+    doc.camera("Camera", v(0.0, 2.75, 6.0), v(0.0, 0.4, 0.0), camera);
     let part = doc.part(&block(0.4, 0.4, 0.4));
     for i in 0..5 {
         let t = f64::from(i) / 4.0;
@@ -141,7 +139,7 @@ pub(super) fn scenes_cameras() -> Doc {
     let ball = doc.add("Ball", &sphere(0.5, 32), blue, [0.0, 0.5, 0.0]);
     let warm = doc.material("Lamp", light([1.0, 0.6, 0.25], 12.0));
     let lamp = doc.add("Lamp", &sphere(0.12, 16), warm, [-1.0, 0.5, 0.5]);
-    let front = doc.look("Front", v(0.0, 1.0, 5.0), v(0.0, 0.5, 0.0), 24.0);
+    let front = doc.look("Front", v(1.7, 1.5, 4.6), v(0.0, 0.4, 0.0), 24.0);
     let above = doc.look("Above", v(0.0, 5.0, 1.2), v(0.0, 0.0, 0.0), 28.0);
     doc.lights = vec![json!({ "type": "directional", "intensity": 2.5 })];
     let sun = doc.root(json!({

@@ -4,8 +4,8 @@ use super::doc::{Doc, matte, with};
 use super::png::Png;
 use super::stage::{CLAMP, Lit, WHOLE, card, card_uvs, sampler};
 use crate::gltf_writer::numbers;
-use crate::math::{Vec3, Z, v};
-use crate::shapes::sheet;
+use crate::math::{Affine, Vec3, Z, sin_cos, v};
+use crate::shapes::Mesh;
 use serde_json::json;
 
 /// Bumps per edge of a card, and their radius where the pitch is 1. They are caps of spheres, `STEEP` at their rim.
@@ -28,13 +28,41 @@ fn normal(u: f64, up: f64) -> Vec3 {
     if d.length() >= STEEP { Z } else { d + Z * (1.0 - d.dot(d)).sqrt() }
 }
 
-/// The bumps' height above a card of edge 1.
-fn height(u: f64, up: f64) -> f64 {
-    let d = offset(u, up) * (STEEP / RADIUS);
-    if d.length() >= STEEP {
-        return 0.0;
+/// A card of edge 1 with bumps of triangles on it.
+fn solid() -> Mesh {
+    const RINGS: u32 = 4;
+    const SEGMENTS: u32 = 18;
+    let mut all = card(1.0, 1.0);
+    for cell in 0..9 {
+        let centre = v(
+            f64::from(cell % 3) - 1.0,
+            f64::from(cell / 3) - 1.0,
+            -(1.0 - STEEP * STEEP).sqrt() * RADIUS / STEEP,
+        );
+        let mut cap = Mesh { open: true, ..Mesh::default() };
+        let mut vertex = |n: Vec3| {
+            cap.positions.push((centre + n * (RADIUS / STEEP)) * (1.0 / BUMPS));
+            cap.normals.push(n);
+        };
+        vertex(Z);
+        for ring in 1..=RINGS {
+            let r = STEEP * f64::from(ring) / f64::from(RINGS);
+            for j in 0..SEGMENTS {
+                let (s, c) = sin_cos(f64::from(j) / f64::from(SEGMENTS));
+                vertex(v(c * r, s * r, (1.0 - r * r).sqrt()));
+            }
+        }
+        for j in 0..SEGMENTS {
+            let at = |ring: u32, j: u32| 1 + (ring - 1) * SEGMENTS + j % SEGMENTS;
+            cap.triangles.push([0, at(1, j), at(1, j + 1)]);
+            for ring in 1..RINGS {
+                cap.triangles.push([at(ring, j), at(ring + 1, j), at(ring + 1, j + 1)]);
+                cap.triangles.push([at(ring, j), at(ring + 1, j + 1), at(ring, j + 1)]);
+            }
+        }
+        all.add(&cap);
     }
-    ((1.0 - d.dot(d)).sqrt() - (1.0 - STEEP * STEEP).sqrt()) * RADIUS / STEEP / BUMPS
+    all
 }
 
 /// Above: bumps of triangles, of a map, of a map with tangents in the file. Below: mirrored node, mirrored
@@ -57,7 +85,7 @@ pub(super) fn doc() -> Doc {
     let plain = doc.matte("Plain", paint);
     let edge = 0.84;
     let at = |i: usize| [(i % 3) as f64 - 1.0, if i < 3 { 1.38 } else { 0.47 }, 0.0];
-    let solid = sheet(24, 24, |u, up| v(u - 0.5, up - 0.5, height(u, up)) * edge);
+    let solid = solid().moved(Affine::scale(v(edge, edge, edge)));
     doc.add("Triangles", &solid, plain, at(0));
     let square = card(edge, edge);
     let part = doc.textured(&square, &card_uvs(WHOLE));

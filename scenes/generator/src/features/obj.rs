@@ -4,7 +4,7 @@
 
 use crate::gltf_writer::File;
 use crate::math::{Vec3, X, Y, Z, sin_cos, v};
-use crate::shapes::{Mesh, quad, sphere};
+use crate::shapes::{Mesh, cuboid, quad, sphere};
 use std::fmt::Write as _;
 
 const MATERIALS: &str = "\
@@ -40,7 +40,7 @@ Ni 1.5
 
 newmtl Lamp
 Kd 0 0 0
-Ke 30 29 27
+Ke 12 11.6 11
 illum 1
 ";
 
@@ -101,26 +101,28 @@ pub(super) fn files() -> Vec<File> {
     obj.line("# CC0-1.0, written by the generator of this repository.");
     obj.line("mtllib obj-features.mtl");
     obj.object("Floor", "Floor", "off");
-    obj.mesh(&quad(v(-1.5, 0.0, 0.9), X * 3.0, Z * -1.5), v(0.0, 0.0, 0.0));
+    obj.mesh(&quad(v(-1.0, 0.0, 0.9), X * 2.0, Z * -1.5), v(0.0, 0.0, 0.0));
     obj.object("Wall", "Floor", "off");
-    obj.mesh(&quad(v(-1.5, 0.0, -0.6), X * 3.0, Y * 1.5), v(0.0, 0.0, 0.0));
+    obj.mesh(&quad(v(-1.0, 0.0, -0.6), X * 2.0, Y * 1.5), v(0.0, 0.0, 0.0));
+    obj.object("Step", "Floor", "off");
+    obj.mesh(&cuboid(v(-1.0, 0.0, -0.6), v(1.0, 0.28, 0.2)), v(0.0, 0.0, 0.0));
     obj.object("Lamp", "Lamp", "off");
-    obj.mesh(&quad(v(-1.3, 1.55, 0.3), X * 0.6, Z * 0.6), v(0.0, 0.0, 0.0));
+    obj.mesh(&quad(v(-1.0, 1.6, 0.4), X * 0.5, Z * 0.5), v(0.0, 0.0, 0.0));
 
     let ball = sphere(0.22, 12);
     obj.object("Faceted", "Clay", "off");
-    obj.mesh(&ball, v(-1.1, 0.22, 0.4));
+    obj.mesh(&ball, v(-0.66, 0.5, -0.15));
     obj.object("Smooth", "Clay", "1");
-    obj.mesh(&ball, v(-0.55, 0.22, 0.4));
+    obj.mesh(&ball, v(0.0, 0.5, -0.15));
 
     // Round between the groups' edges: the sides are one group, each cap another.
     obj.object("Drum", "Clay", "1");
     let n = 12;
     let base = obj.vertices;
-    for y in [0.0, 0.4] {
+    for y in [0.28, 0.68] {
         for j in 0..n {
             let (s, c) = sin_cos(j as f64 / n as f64);
-            obj.vertex(v(0.2 * c, y, 0.4 - 0.2 * s), None);
+            obj.vertex(v(0.66 + 0.2 * c, y, -0.15 - 0.2 * s), None);
         }
     }
     for j in 0..n {
@@ -136,16 +138,16 @@ pub(super) fn files() -> Vec<File> {
 
     for (i, name) in ["Gold_mirror", "Gold_rough", "Blue_coat"].into_iter().enumerate() {
         obj.object(&format!("Ball_{name}"), name, "1");
-        obj.mesh(&sphere(0.17, 24), v(0.45 + 0.4 * i as f64, 0.17, 0.45));
+        obj.mesh(&sphere(0.17, 24), v(0.62 * (i as f64 - 1.0), 0.17, 0.55));
     }
 
     // Red, green, blue and white corners on white.
     obj.object("Colours", "White", "off");
     for (p, color) in [
-        (v(-1.3, 0.65, -0.55), [1.0, 0.0, 0.0]),
-        (v(-0.6, 0.65, -0.55), [0.0, 1.0, 0.0]),
-        (v(-0.6, 1.35, -0.55), [0.0, 0.0, 1.0]),
-        (v(-1.3, 1.35, -0.55), [1.0, 1.0, 1.0]),
+        (v(-0.9, 0.83, -0.55), [1.0, 0.0, 0.0]),
+        (v(-0.35, 0.83, -0.55), [0.0, 1.0, 0.0]),
+        (v(-0.35, 1.38, -0.55), [0.0, 0.0, 1.0]),
+        (v(-0.9, 1.38, -0.55), [1.0, 1.0, 1.0]),
     ] {
         obj.vertex(p, Some(color));
     }
@@ -156,13 +158,22 @@ pub(super) fn files() -> Vec<File> {
     let star: Vec<Vec3> = (0..10)
         .map(|i| {
             let (s, c) = sin_cos(0.25 + f64::from(i) / 10.0);
-            v(0.0, 1.0, -0.55) + (X * c + Y * s) * if i % 2 == 0 { 0.38 } else { 0.15 }
+            v(0.0, 1.08, -0.55) + (X * c + Y * s) * if i % 2 == 0 { 0.32 } else { 0.13 }
         })
         .collect();
     obj.polygon(&star);
     obj.object("Letter_U", "Clay", "off");
-    let u = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.7), (0.42, 0.7), (0.42, 0.18), (0.18, 0.18), (0.18, 0.7), (0.0, 0.7)];
-    obj.polygon(&u.map(|(x, y)| v(0.65 + x, 0.65 + y, -0.55)));
+    let u = [
+        (0.0, 0.0),
+        (0.6, 0.0),
+        (0.6, 0.7),
+        (0.42, 0.7),
+        (0.42, 0.18),
+        (0.18, 0.18),
+        (0.18, 0.7),
+        (0.0, 0.7),
+    ];
+    obj.polygon(&u.map(|(x, y)| v(0.4 + 0.8 * x, 0.82 + 0.8 * y, -0.55)));
 
     vec![
         File { path: "features/obj-features.obj".into(), bytes: obj.text.into_bytes() },

@@ -44,7 +44,8 @@ fn rgbe(color: [f64; 3]) -> [u8; 4] {
 }
 
 pub(super) fn file() -> File {
-    let mut bytes = format!("#?RADIANCE\n# CC0-1.0\nFORMAT=32-bit_rle_rgbe\n\n-Y {HEIGHT} +X {WIDTH}\n").into_bytes();
+    let mut bytes =
+        format!("#?RADIANCE\n# CC0-1.0\nFORMAT=32-bit_rle_rgbe\n\n-Y {HEIGHT} +X {WIDTH}\n").into_bytes();
     for y in 0..HEIGHT {
         for x in 0..WIDTH {
             bytes.extend(rgbe(radiance(x, y)));

@@ -2,9 +2,7 @@
 
 use super::doc::{Doc, light, matte, merge, painted, pbr, with};
 use super::png::Png;
-use super::stage::{
-    CLAMP, Lit, MIRROR, REPEAT, WHOLE, card, card_uvs, checker, letter, sampler,
-};
+use super::stage::{CLAMP, Lit, MIRROR, REPEAT, WHOLE, card, card_uvs, checker, letter, sampler};
 use crate::gltf_writer::numbers;
 use crate::math::{sin_cos, v};
 use crate::shapes::{Mesh, sheet, sphere};
@@ -118,19 +116,20 @@ pub(super) fn emissive() -> Doc {
     ];
     let mut doc = Doc::new("emissive-texture");
     doc.stage(Lit::Dim);
+    doc.environment = Some([0.25; 3]);
     let picture = Png::new(4, 2, |x, y| {
         let [r, g, b] = COLORS[y * 4 + x];
         [r, g, b, 255]
     });
     let texture = doc.texture(&picture, sampler(CLAMP, CLAMP, true));
     let glow = json!({ "emissiveTexture": { "index": texture } });
-    let material = doc.material("Sign", with(light([1.0; 3], 4.0), glow));
+    let material = doc.material("Sign", with(light([1.0; 3], 1.0), glow));
     let part = doc.textured(&card(1.4, 0.7), &card_uvs(WHOLE));
     let mesh = doc.mesh(&part, material);
     doc.place("By texture", mesh, [-0.8, 0.75, -0.4]);
     let mut parts = Vec::new();
     for (i, color) in COLORS.into_iter().enumerate() {
-        let material = doc.material(&format!("Field {i}"), light(color.map(linear), 4.0));
+        let material = doc.material(&format!("Field {i}"), light(color.map(linear), 1.0));
         let (x, y) = ((i % 4) as f64, (i / 4) as f64);
         let mesh = card(0.35, 0.35).at((x - 1.5) * 0.35, (0.5 - y) * 0.35, 0.0);
         let mut part = doc.part(&mesh);
@@ -193,7 +192,7 @@ pub(super) fn transform() -> Doc {
 pub(super) fn second_uvs() -> Doc {
     let mut doc = Doc::new("second-uvs");
     doc.stage(Lit::Well);
-    let texture = doc.texture(&letter(), sampler(REPEAT, REPEAT, false));
+    let texture = doc.texture(&letter(), sampler(CLAMP, CLAMP, false));
     let square = card(0.95, 0.95);
     let whole = card_uvs(WHOLE);
     let elsewhere = card_uvs([0.0, 0.0, 4.0, 4.0]);
