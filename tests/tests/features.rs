@@ -74,8 +74,13 @@ fn framing(scene: &Scene) -> Camera {
 const EDGE: usize = 48;
 
 fn render(scene: &Scene, camera: &Camera, spp: u32) -> Picture {
+    render_wide(scene, camera, EDGE as u32, spp)
+}
+
+/// Of another width.
+fn render_wide(scene: &Scene, camera: &Camera, width: u32, spp: u32) -> Picture {
     let ready = RenderScene::prepare(scene, BuildOptions::default()).expect("the scene is whole");
-    picture(&ready, camera, &settings(EDGE as u32, EDGE as u32, spp, 1, 7))
+    picture(&ready, camera, &settings(width, EDGE as u32, spp, 1, 7))
 }
 
 /// Parallel light from the upper left of irradiance π: a matte surface facing it shows its reflectance.
@@ -188,7 +193,7 @@ fn wraps_show_what_they_should() {
     // From -0.75 to 1.75 across and -0.5 to 2 down: the whole picture spans -0.4..0.4 of the window, from 0.6 down to -0.2.
     let inside = |u: f64, v: f64| [(u - 0.5) / 1.25 / 1.04, (0.75 - v) / 1.25 / 1.04];
     let look = |name: &str, u: f64, v: f64| spot(&portrait(&scene, name), inside(u, v));
-    let close = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.03);
+    let close = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.06);
     // A place in the red corner, and its images.
     let red = look("Repeat", 0.08, 0.08);
     assert!(red[0] > 4.0 * red[1], "{red:?}");
@@ -210,7 +215,7 @@ fn emissive_textures_equal_factors() {
     let scene = scene("emissive-texture");
     let (a, b) = (portrait(&scene, "By texture"), portrait(&scene, "By factors"));
     alike(&a, &b, ROUNDING, EDGES, "emission");
-    assert!((a.max() - 1.0).abs() < 1e-3);
+    assert!((a.max() - 0.5).abs() < 1e-3);
 }
 
 #[test]
@@ -447,14 +452,14 @@ fn an_orthographic_camera_keeps_sizes() {
     let shares: Vec<f64> = (0..5)
         .map(|i| {
             let alone = surrounded(alone(&scene, |name| name == format!("Cube {i}")));
-            // What the red light lacks of the surroundings; the cubes' paints differ.
-            let picture = render(&alone, &camera, 64);
-            picture.pixels.iter().filter(|p| p[1] < 0.65).count() as f64
+            // Whatever its paint, a cube is darker than its surroundings.
+            let picture = render_wide(&alone, &camera, 72, 64);
+            picture.pixels.iter().map(|p| f64::from(u8::from(p[1] < 0.65))).sum()
         })
         .collect();
     for share in &shares {
-        // A cube covers about 66 pixels at this size, an edge of 8 more or less.
-        assert!((share - shares[0]).abs() <= 9.0 && *share > 20.0, "{shares:?}");
+        // A cube covers some 80 pixels, an edge of 8 more or less.
+        assert!((share - shares[0]).abs() <= 9.0 && *share > 60.0, "{shares:?}");
     }
 }
 

@@ -59,7 +59,7 @@ pub(super) fn mask() -> Doc {
         let material = doc.material(&format!("Cutoff {cutoff}"), value);
         let part = doc.textured(&card(0.8, 0.8), &card_uvs(WHOLE));
         let mesh = doc.mesh(&part, material);
-        doc.place(&format!("Cutoff {cutoff}"), mesh, [(i as f64 - 1.0) * 0.9, 1.38, 0.0]);
+        doc.place(&format!("Cutoff {cutoff}"), mesh, [(i as f64 - 1.0) * 1.1, 1.52, -1.3]);
     }
     // The same picture OPAQUE: alpha is ignored. And a second ring, leaning, whose shadow falls on the floor.
     let opaque = doc.material("Opaque", painted(slope));

@@ -123,13 +123,13 @@ pub(super) fn emissive() -> Doc {
     });
     let texture = doc.texture(&picture, sampler(CLAMP, CLAMP, true));
     let glow = json!({ "emissiveTexture": { "index": texture } });
-    let material = doc.material("Sign", with(light([1.0; 3], 1.0), glow));
+    let material = doc.material("Sign", with(light([1.0; 3], 0.5), glow));
     let part = doc.textured(&card(1.4, 0.7), &card_uvs(WHOLE));
     let mesh = doc.mesh(&part, material);
     doc.place("By texture", mesh, [-0.8, 0.75, -0.4]);
     let mut parts = Vec::new();
     for (i, color) in COLORS.into_iter().enumerate() {
-        let material = doc.material(&format!("Field {i}"), light(color.map(linear), 1.0));
+        let material = doc.material(&format!("Field {i}"), light(color.map(linear), 0.5));
         let (x, y) = ((i % 4) as f64, (i / 4) as f64);
         let mesh = card(0.35, 0.35).at((x - 1.5) * 0.35, (0.5 - y) * 0.35, 0.0);
         let mut part = doc.part(&mesh);
