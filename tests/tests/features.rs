@@ -4,7 +4,7 @@
 //! window), under a light of the test's own. Twins are sampled at the same film positions by the same random numbers, so
 //! that little but rounding sets them apart: tolerances are stated with each.
 
-use hotspot_integrator::{BuildOptions, RenderScene};
+use hotspot_integrator::{Instancing, PrepareOptions, RenderScene};
 use hotspot_scene::{
     Camera, Environment, Light, LightKind, LoadOptions, Projection, Scene, load, load_environment,
 };
@@ -79,7 +79,13 @@ fn render(scene: &Scene, camera: &Camera, spp: u32) -> Picture {
 
 /// Of another width.
 fn render_wide(scene: &Scene, camera: &Camera, width: u32, spp: u32) -> Picture {
-    let ready = RenderScene::prepare(scene, BuildOptions::default()).expect("the scene is whole");
+    render_as(scene, camera, width, spp, Instancing::Auto)
+}
+
+/// With meshes stored as told.
+fn render_as(scene: &Scene, camera: &Camera, width: u32, spp: u32, instancing: Instancing) -> Picture {
+    let options = PrepareOptions { instancing, ..PrepareOptions::default() };
+    let ready = RenderScene::prepare(scene, options).expect("the scene is whole");
     picture(&ready, camera, &settings(width, EDGE as u32, spp, 1, 7))
 }
 
@@ -357,6 +363,31 @@ fn instances_equal_nodes() {
     let nodes = self::scene("instances");
     assert_eq!(nodes.instances.len(), 200 + 3);
     assert_eq!(nodes.meshes.len(), 4, "one mesh for all");
+}
+
+/// Mirrored, mapped, coloured, cut out, scaled: whether a mesh is copied or placed makes no difference.
+#[test]
+fn meshes_stored_once_look_like_copies() {
+    for (name, object) in [
+        ("mirrored-node", "Mirrored by its node"),
+        ("normal-map", "Mirrored node"),
+        ("normal-map", "Mirrored coordinates"),
+        ("vertex-colors", "Wheel"),
+        ("alpha-mask", "Leaning"),
+        ("second-uvs", "Both"),
+        ("mesh-quantization", "Shorts"),
+        ("instances", "Pawn 0"),
+    ] {
+        let mut alone = sunlit(alone(&scene(name), |n| n == object));
+        let camera = framing(&alone);
+        // A second one out of sight, since what appears once is never placed.
+        let mut away = alone.instances[0].clone();
+        away.to_world[0][3] += 50.0;
+        alone.instances.push(away);
+        let show = |instancing| render_as(&alone, &camera, EDGE as u32, 16, instancing);
+        // Rays are moved instead of triangles: rounding differs.
+        alike(&show(Instancing::Always), &show(Instancing::Never), ROUNDING, EDGES, object);
+    }
 }
 
 /// The x positions of the three cubes, found in pictures, and the direction of the bar.

@@ -7,8 +7,8 @@ use crate::math::{X, Y, Z, v};
 use crate::shapes::{Mesh, block, cuboid, cylinder, join, quad, sphere};
 use serde_json::json;
 
-/// Three bays side by side, open to the front; `roofs` says which have one.
-fn bays(doc: &mut Doc, roofs: [bool; 3]) {
+/// Three bays side by side, open to the front; `roofs` says which have one. Seen from the height `eye`.
+fn bays(doc: &mut Doc, roofs: [bool; 3], eye: f64) {
     let wall = doc.matte("Bay", [0.62, 0.62, 0.6]);
     let mut parts: Vec<Mesh> =
         vec![cuboid(v(-1.8, -0.1, -0.9), v(1.8, 0.0, 0.9)), cuboid(v(-1.8, 0.0, -1.0), v(1.8, 1.6, -0.9))];
@@ -21,13 +21,13 @@ fn bays(doc: &mut Doc, roofs: [bool; 3]) {
         parts.push(cuboid(v(x, 1.6, -1.0), v(x + 1.2, 1.66, 0.9)));
     }
     doc.add("Bays", &join(parts), wall, [0.0; 3]);
-    doc.look("Camera", v(0.0, 2.3, 7.0), v(0.0, 0.74, 0.0), 19.0);
+    doc.look("Camera", v(0.0, eye, 7.0), v(0.0, 0.76, 0.0), 19.4);
 }
 
 /// Ceiling lamps of equal power: strength 1 and a large area, 4 and a quarter of it, 16 and a sixteenth.
 pub(super) fn emissive_strength() -> Doc {
     let mut doc = Doc::new("emissive-strength");
-    bays(&mut doc, [true; 3]);
+    bays(&mut doc, [true; 3], 0.95);
     doc.environment = Some([0.02; 3]);
     let white = doc.matte("White", [0.8; 3]);
     let ball = doc.part(&sphere(0.2, 24));
@@ -46,7 +46,7 @@ pub(super) fn emissive_strength() -> Doc {
 /// A panel between two walls: one-sided to the left, one-sided to the right, double-sided.
 pub(super) fn emissive_sides() -> Doc {
     let mut doc = Doc::new("emissive-sides");
-    bays(&mut doc, [true; 3]);
+    bays(&mut doc, [true; 3], 0.95);
     doc.environment = Some([0.02; 3]);
     let one = doc.material("One side", light([0.6, 0.8, 1.0], 3.0));
     let mut value = light([0.6, 0.8, 1.0], 3.0);
@@ -62,7 +62,7 @@ pub(super) fn emissive_sides() -> Doc {
 /// A point light, a spot and the sun, each in its bay over a pole; only the third has no roof.
 pub(super) fn punctual() -> Doc {
     let mut doc = Doc::new("lights-punctual");
-    bays(&mut doc, [true, true, false]);
+    bays(&mut doc, [true, true, false], 2.3);
     doc.environment = Some([0.15; 3]);
     let pole = doc.matte("Pole", [0.75, 0.3, 0.2]);
     let part = doc.part(&cylinder(0.07, 0.5, 0.0, 24));

@@ -154,14 +154,14 @@ pub(super) fn specular_glossiness() -> Doc {
 pub(super) fn unlit() -> Doc {
     let mut doc = Doc::new("unlit");
     doc.stage(Lit::Dim);
-    doc.environment = Some([0.3; 3]);
+    doc.environment = Some([0.5; 3]);
     let shown = |value: Value| {
         let mut value = value;
         value["extensions"] = json!({ "KHR_materials_unlit": {} });
         value
     };
     let texture = doc.texture(&letter(), sampler(CLAMP, CLAMP, false));
-    let orange = [0.8, 0.3, 0.05];
+    let orange = [0.55, 0.2, 0.04];
     let materials = [
         ("Unlit picture", shown(painted(texture))),
         ("Matte picture", painted(texture)),
