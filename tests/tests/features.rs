@@ -543,3 +543,45 @@ fn the_spot_lights_its_cone() {
         );
     }
 }
+
+#[test]
+fn the_obj_shows_its_features() {
+    let scene = load(&path("obj-features.obj"), &LoadOptions::default()).expect("the file loads");
+    assert!(
+        scene.unmodelled.is_empty() && scene.repairs.is_empty(),
+        "{:?} {:?}",
+        scene.unmodelled,
+        scene.repairs
+    );
+    // Concave polygons keep their areas: ten triangles of sides 0.32 and 0.13 around the star's centre; a block less a notch.
+    let star = 5.0 * 0.32 * 0.13 * (std::f64::consts::PI / 5.0).sin();
+    let letter = 0.64 * (0.6 * 0.7 - 0.24 * 0.52);
+    for (object, expected) in [("Star", star), ("Letter_U", letter)] {
+        let alone = sunlit(alone(&scene, |name| name == object));
+        let camera = framing(&alone);
+        let Projection::Orthographic { ymag, .. } = camera.projection else { unreachable!() };
+        let picture = render(&alone, &camera, 64);
+        let full = picture.max();
+        let lit: f64 = picture.pixels.iter().map(|p| p[0] / full).sum();
+        let area = lit / (EDGE * EDGE) as f64 * 4.0 * ymag * ymag;
+        assert!((area / expected - 1.0).abs() < 0.03, "{object}: {area:.4} instead of {expected:.4}");
+    }
+    // Corners: red, green, blue and white, counter-clockwise from the lower left.
+    let colors = portrait(&scene, "Colours");
+    let [red, green, blue, white] =
+        [[-0.85, -0.85], [0.85, -0.85], [0.85, 0.85], [-0.85, 0.85]].map(|at| spot(&colors, at));
+    assert!(red[0] > 3.0 * red[1] && green[1] > 3.0 * green[2] && blue[2] > 3.0 * blue[0]);
+    assert!(white.iter().all(|c| *c > 2.0 * red[1]), "{white:?}");
+    // Shading of the smooth ball changes from pixel to pixel, that of the faceted one at edges alone.
+    let flat_share = |object: &str| {
+        let picture = portrait(&scene, object);
+        let row = &picture.pixels[EDGE / 2 * EDGE + 8..EDGE / 2 * EDGE + EDGE - 8];
+        row.windows(2).filter(|p| (luminance(&p[0]) - luminance(&p[1])).abs() < 1e-4).count()
+    };
+    assert!(
+        flat_share("Faceted") > 15 && flat_share("Smooth") < 8,
+        "{} {}",
+        flat_share("Faceted"),
+        flat_share("Smooth")
+    );
+}

@@ -54,7 +54,7 @@ pub(super) fn emissive_sides() -> Doc {
     let both = doc.material("Both sides", value);
     let panel = turned(card(0.7, 0.8), Y, 0.25);
     doc.add("To the left", &panel.clone().flipped(), one, [-1.2, 0.75, 0.0]);
-    doc.add("To the right", &panel, one, [0.0, 0.75, 0.0]);
+    doc.add("To the right", &panel, one, [-0.25, 0.75, 0.0]);
     doc.add("To both sides", &panel, both, [1.2, 0.75, 0.0]);
     doc
 }
