@@ -125,14 +125,7 @@ impl Scene {
 
     /// A camera at `eye` looking at `target`; `yfov` in degrees.
     pub(crate) fn look(&mut self, eye: Vec3, target: Vec3, yfov: f64, aspect: f64) {
-        let back = (eye - target).unit();
-        let right = Y.cross(back).unit();
-        let up = back.cross(right);
-        let columns = [(right, 0.0), (up, 0.0), (back, 0.0), (eye, 1.0)];
-        let mut matrix = [0.0; 16];
-        for (c, (p, w)) in columns.into_iter().enumerate() {
-            matrix[c * 4..c * 4 + 4].copy_from_slice(&[p.x, p.y, p.z, w]);
-        }
+        let matrix = look_matrix(eye, target);
         self.camera = Some(Camera { matrix, yfov: yfov * (std::f64::consts::PI / 180.0), aspect });
     }
 
@@ -264,6 +257,19 @@ impl Scene {
     }
 }
 
+/// The columns of a camera's matrix: at `eye`, looking at `target`, upright.
+pub(crate) fn look_matrix(eye: Vec3, target: Vec3) -> [f64; 16] {
+    let back = (eye - target).unit();
+    let right = Y.cross(back).unit();
+    let up = back.cross(right);
+    let columns = [(right, 0.0), (up, 0.0), (back, 0.0), (eye, 1.0)];
+    let mut matrix = [0.0; 16];
+    for (c, (p, w)) in columns.into_iter().enumerate() {
+        matrix[c * 4..c * 4 + 4].copy_from_slice(&[p.x, p.y, p.z, w]);
+    }
+    matrix
+}
+
 fn extensions(surface: Surface) -> Vec<&'static str> {
     match surface {
         Surface::Matte(_) => vec!["KHR_materials_specular"],
@@ -335,7 +341,7 @@ fn material_json(name: &str, surface: Surface) -> Value {
 }
 
 /// Numbers rounded to a billionth, and without a negative zero.
-fn numbers(list: &[f64]) -> Value {
+pub(crate) fn numbers(list: &[f64]) -> Value {
     let round = |x: &f64| (x * 1e9 + 0.5).floor() / 1e9 + 0.0;
     Value::Array(list.iter().map(|x| json!(round(x))).collect())
 }

@@ -14,6 +14,7 @@
 mod cornell;
 mod creature;
 mod demo;
+mod features;
 mod furniture;
 mod gltf_writer;
 mod math;
@@ -98,7 +99,7 @@ fn main() -> ExitCode {
         }
     }
     let mut failed = false;
-    for scene in all() {
+    for scene in all().into_iter().chain(features::all()) {
         let bytes: usize = scene.files.iter().map(|f| f.bytes.len()).sum();
         for file in &scene.files {
             let path = home(folder.as_deref(), file);
@@ -113,8 +114,10 @@ fn main() -> ExitCode {
             }
         }
         if !check {
-            let (name, n, stored) = (scene.name, scene.triangles, scene.stored);
-            println!("{name}: {n} triangles ({stored} stored), {bytes} bytes");
+            match (scene.name, scene.triangles, scene.stored, scene.files.len()) {
+                (name, 0, _, count) => println!("{name}: {count} files, {bytes} bytes"),
+                (name, n, stored, _) => println!("{name}: {n} triangles ({stored} stored), {bytes} bytes"),
+            }
         }
     }
     if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS }
