@@ -75,7 +75,7 @@ fn crowd(size: f64, blend: bool) -> (World, Camera) {
     let (mut first, mut count) = (true, 0);
     for row in 0..3 {
         for column in 0..4 {
-            let at = s([column as f64 * 0.75 - 1.1, row as f64 * 0.7 - 0.6, -0.3 * row as f64 + 0.2]);
+            let at = s([f64::from(column) * 0.75 - 1.1, row as f64 * 0.7 - 0.6, -0.3 * row as f64 + 0.2]);
             let shear = [0.0, 0.4, -0.3][row];
             let m = matrix(size / own * 0.28, shear, 0.7 * f64::from(count), count % 2 == 1, at);
             let material = materials[count as usize % 4].clone();

@@ -400,8 +400,8 @@ fn absorption_between_surfaces_inside() {
         let mid = |i: i32| h * (2.0 * (f64::from(i) + 0.5) / f64::from(n) - 1.0);
         let p = [center[0] + mid(i % n) - 0.01, center[1], center[2] + mid(i / n) - 0.02];
         let d2 = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
-        for c in 0..3 {
-            sums[c] += way(d2.sqrt())[c] * p[1] * p[1] / (d2 * d2) * (2.0 * h / f64::from(n)).powi(2);
+        for (sum, way) in sums.iter_mut().zip(way(d2.sqrt())) {
+            *sum += way * p[1] * p[1] / (d2 * d2) * (2.0 * h / f64::from(n)).powi(2);
         }
     }
     let expected = [0, 1, 2].map(|c| way(3.0)[c] * 4.0 * 0.5 / PI * sums[c]);
