@@ -146,7 +146,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
         let directions = sampler.get(Dimensions::directions(bounces));
 
         if !resolved.is_specular() {
-            let direct = sample_light::<S, P, C>(
+            let direct = direct_light::<S, P, C>(
                 simd,
                 scene,
                 settings,
@@ -224,9 +224,44 @@ struct Vertex<'a> {
     absorption: Vec3,
 }
 
-/// The light-sampled half of direct light, weighted.
+/// The light-sampled half of direct light, weighted. Environment maps and punctual lights have a function of their own, so
+/// that scenes lit by surfaces and constant environments do not pay for them.
 #[inline(always)]
-fn sample_light<S: Simd, P: Probe, C: Class>(
+fn direct_light<S: Simd, P: Probe, C: Class>(
+    simd: S,
+    scene: &RenderScene,
+    settings: &PathSettings,
+    vertex: &Vertex<'_>,
+    bsdf: &Bsdf,
+    u: [f32; 2],
+    probe: &mut P,
+) -> Vec3 {
+    if scene.lights.has_maps_or_points::<C>() {
+        sample_any_light::<S, P, C>(simd, scene, settings, vertex, bsdf, u, probe)
+    } else {
+        sample_light::<S, P, C, false>(simd, scene, settings, vertex, bsdf, u, probe)
+    }
+}
+
+#[inline(never)]
+fn sample_any_light<S: Simd, P: Probe, C: Class>(
+    simd: S,
+    scene: &RenderScene,
+    settings: &PathSettings,
+    vertex: &Vertex<'_>,
+    bsdf: &Bsdf,
+    u: [f32; 2],
+    probe: &mut P,
+) -> Vec3 {
+    simd.vectorize(
+        #[inline(always)]
+        || sample_light::<S, P, C, true>(simd, scene, settings, vertex, bsdf, u, probe),
+    )
+}
+
+/// `ANY`: the scene has an environment map or punctual lights.
+#[inline(always)]
+fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
     simd: S,
     scene: &RenderScene,
     settings: &PathSettings,
@@ -236,7 +271,7 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
     probe: &mut P,
 ) -> Vec3 {
     let lights = &scene.lights;
-    let Some(light) = lights.sample::<P, C>(vertex.point.p, vertex.frame, u, probe) else {
+    let Some(light) = lights.sample::<P, C, ANY>(vertex.point.p, vertex.frame, u, probe) else {
         return Vec3::ZERO;
     };
     probe.bsdf(1);
@@ -278,7 +313,7 @@ fn sample_light<S: Simd, P: Probe, C: Class>(
             (emission, ray, part.object)
         }
         // BSDF sampling never finds these: it has no share.
-        _ if !has::<C>(Feature::PunctualLights) => return Vec3::ZERO,
+        _ if !ANY || !has::<C>(Feature::PunctualLights) => return Vec3::ZERO,
         LightTarget::Position { irradiance, position } => {
             let Some(ray) = ray_to_position(origin, position) else { return Vec3::ZERO };
             bsdf_pdf = 0.0;

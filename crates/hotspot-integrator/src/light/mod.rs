@@ -277,10 +277,18 @@ impl Lights {
         }
     }
 
-    /// A direction towards a light, seen from `p`; `frame` is the shading frame on the side of the path. `None` where
-    /// the sample cannot bring light: no lights, seen edge-on, outside of a spot, or a point of the light itself.
+    /// Whether [`Lights::sample`] must know more than triangles and a constant environment.
     #[inline(always)]
-    pub(crate) fn sample<P: Probe, C: Class>(
+    pub(crate) fn has_maps_or_points<C: Class>(&self) -> bool {
+        (has::<C>(Feature::EnvironmentMaps) && matches!(self.environment, Surroundings::Map(_)))
+            || (has::<C>(Feature::PunctualLights) && !self.punctual.is_empty())
+    }
+
+    /// A direction towards a light, seen from `p`; `frame` is the shading frame on the side of the path. `None` where
+    /// the sample cannot bring light: no lights, seen edge-on, outside of a spot, or a point of the light itself. `ANY`
+    /// as [`Lights::has_maps_or_points`] says: without it maps and punctual lights give nothing.
+    #[inline(always)]
+    pub(crate) fn sample<P: Probe, C: Class, const ANY: bool>(
         &self,
         p: Vec3,
         frame: &Frame,
@@ -291,7 +299,7 @@ impl Lights {
         if !matches!(self.environment, Surroundings::Nothing) {
             if select < self.environment_probability {
                 let u = Vec2::new(select / self.environment_probability, v);
-                return self.sample_environment::<P, C>(frame, u, probe);
+                return self.sample_environment::<P, C, ANY>(frame, u, probe);
             }
             select = (select - self.environment_probability) / (1.0 - self.environment_probability);
         }
@@ -304,7 +312,7 @@ impl Lights {
             index += 1;
         }
         let Some(light) = self.triangles.get(index) else {
-            if !has::<C>(Feature::PunctualLights) {
+            if !ANY || !has::<C>(Feature::PunctualLights) {
                 return None;
             }
             return self.punctual[index - self.triangles.len()].sample(p);
@@ -314,7 +322,7 @@ impl Lights {
     }
 
     #[inline(always)]
-    fn sample_environment<P: Probe, C: Class>(
+    fn sample_environment<P: Probe, C: Class, const ANY: bool>(
         &self,
         frame: &Frame,
         u: Vec2,
@@ -329,7 +337,7 @@ impl Lights {
                 let target = LightTarget::Environment(*radiance);
                 (pdf > 0.0).then(|| LightSample { wi: frame.to_world(local), pdf, target })
             }
-            Surroundings::Map(_) if !has::<C>(Feature::EnvironmentMaps) => None,
+            Surroundings::Map(_) if !ANY || !has::<C>(Feature::EnvironmentMaps) => None,
             Surroundings::Map(map) => {
                 // A quotient below 1 may round to 1.
                 let (wi, look) = map.sample(u.min(Vec2::splat(1.0 - f32::EPSILON)))?;
