@@ -100,7 +100,11 @@ fn bazaar() -> (Scene, Camera) {
 /// Meshes that appear twice are stored once.
 fn prepared(scene: &Scene, isa: Isa) -> RenderScene {
     let tree = BuildOptions { isa, ..BuildOptions::default() };
-    RenderScene::prepare(scene, PrepareOptions { tree, instancing: Instancing::Always }).unwrap()
+    RenderScene::prepare(
+        scene,
+        PrepareOptions { tree, instancing: Instancing::Always, ..PrepareOptions::default() },
+    )
+    .unwrap()
 }
 
 /// Everything but time.

@@ -172,14 +172,6 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
         let Some(sample) = resolved.sample(local_wo, choices[0], u) else {
             return end(radiance, Cause::Absorbed, throughput, first_object);
         };
-        if C::TEXTURED
-            && has::<C>(Feature::Absorption)
-            && sample.wi.z < 0.0
-            && let Bsdf::Glass(glass) = &resolved
-            && !glass.thin
-        {
-            absorption = if front { glass.absorption } else { Vec3::ZERO };
-        }
         throughput *= sample.weight;
         eta_scale *= sample.eta_scale;
 
@@ -197,6 +189,16 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
 
         let wi = frame.to_world(sample.wi);
         let side = if wi.dot(geometric) < 0.0 { -geometric } else { geometric };
+        // Which side the path is on goes by the surface as it is, not as it is shaded: so the ray leaves it.
+        let came_from_front = wo.dot(geometric) >= 0.0;
+        if C::TEXTURED
+            && has::<C>(Feature::Absorption)
+            && let Bsdf::Glass(glass) = &resolved
+            && !glass.thin
+            && came_from_front == (wi.dot(geometric) < 0.0)
+        {
+            absorption = if came_from_front { glass.absorption } else { Vec3::ZERO };
+        }
         ray = Ray::new(point.leave(side).to_array(), wi.to_array());
         wo = -wi;
         scattered = Scattered { pdf: sample.pdf, cos: sample.wi.z };

@@ -22,6 +22,21 @@ pub enum PrepareError {
         /// What is wrong.
         problem: String,
     },
+    /// The placed geometry would take more memory than granted.
+    #[error(
+        "{triangles} triangles need about {} MiB, more than the limit of {} MiB; simplify the scene, store meshes that \
+         appear often once, or raise the limit",
+        bytes >> 20,
+        limit >> 20
+    )]
+    TooLarge {
+        /// Triangles to store.
+        triangles: u64,
+        /// Bytes, estimated from above.
+        bytes: u64,
+        /// Bytes granted.
+        limit: u64,
+    },
     /// The tree could not be built.
     #[error("cannot build the tree: {0}")]
     Tree(#[from] BvhError),
@@ -34,6 +49,8 @@ pub struct PrepareOptions {
     pub tree: BuildOptions,
     /// Which meshes are stored once.
     pub instancing: Instancing,
+    /// Most bytes that geometry and tree may take, estimated before they are made; `None`: as many as there are.
+    pub max_memory_bytes: Option<u64>,
 }
 
 impl From<BuildOptions> for PrepareOptions {
@@ -68,7 +85,7 @@ pub struct SceneMemory {
     pub geometry: u64,
     /// The tree.
     pub bvh: u64,
-    /// Texels.
+    /// Texels, those of an environment map included.
     pub textures: u64,
 }
 
@@ -90,7 +107,12 @@ impl RenderScene {
                 problem: format!("does not hold {} x {} RGBA texels", texture.width, texture.height),
             })?);
         }
-        let (mut geometry, dropped) = Geometry::new(scene, options.instancing);
+        let placed = Geometry::new(scene, options.instancing, options.max_memory_bytes);
+        let (mut geometry, dropped) = placed.map_err(|(triangles, bytes)| PrepareError::TooLarge {
+            triangles,
+            bytes,
+            limit: options.max_memory_bytes.unwrap_or(u64::MAX),
+        })?;
         let mut repairs: Vec<Repair> = dropped
             .triangles
             .iter()
@@ -227,7 +249,7 @@ impl RenderScene {
         SceneMemory {
             geometry: self.geometry.memory() + self.lights.memory(),
             bvh: self.bvh.memory(),
-            textures: self.textures.iter().map(Texture::memory).sum(),
+            textures: self.textures.iter().map(Texture::memory).sum::<u64>() + self.lights.map_memory(),
         }
     }
 }

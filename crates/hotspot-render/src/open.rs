@@ -49,7 +49,7 @@ pub(crate) struct SceneArgs {
     #[arg(long, value_name = "MIB", default_value_t = 8192)]
     pub(crate) max_memory: u64,
     /// Most memory for textures, in MiB; the largest are reduced until the rest fits
-    #[arg(long, value_name = "MIB", default_value_t = 4096)]
+    #[arg(long, value_name = "MIB", default_value_t = 4096, value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) max_texture_memory: u64,
 }
 
@@ -145,6 +145,7 @@ impl SceneArgs {
                 InstancesArg::Once => Instancing::Always,
                 InstancesArg::Copies => Instancing::Never,
             },
+            max_memory_bytes: Some(self.max_memory.saturating_mul(1 << 20)),
         }
     }
 
@@ -188,7 +189,7 @@ impl SceneArgs {
     }
 
     /// The choices that make a picture, for the settings in the outputs.
-    pub(crate) fn described(&self) -> [(&'static str, Value); 6] {
+    pub(crate) fn described(&self) -> [(&'static str, Value); 7] {
         let env = match &self.env {
             None => Value::Null,
             Some(EnvArg::Constant(radiance)) => json!(radiance),
@@ -206,6 +207,7 @@ impl SceneArgs {
             ("time", json!(self.time)),
             ("variant", json!(self.variant)),
             ("instances", json!(instances)),
+            ("max-texture-memory", json!(self.max_texture_memory)),
         ]
     }
 }
@@ -228,7 +230,9 @@ fn index(wanted: &str) -> Option<usize> {
 
 fn parse_env(text: &str) -> Result<EnvArg, String> {
     let is_number = |word: &str| word.trim().parse::<f32>().is_ok();
-    if !text.split(',').any(is_number) || text.to_ascii_lowercase().ends_with(".exr") {
+    if !text.split(',').any(is_number)
+        || [".exr", ".hdr"].iter().any(|e| text.to_ascii_lowercase().ends_with(e))
+    {
         return if text.is_empty() { Err("this is empty".into()) } else { Ok(EnvArg::File(text.into())) };
     }
     let values: Vec<f32> = text.split(',').filter_map(|v| v.trim().parse().ok()).collect();
@@ -266,6 +270,7 @@ mod tests {
         assert_eq!(parse_env("1,2,3"), Ok(EnvArg::Constant([1.0, 2.0, 3.0])));
         assert_eq!(parse_env("sky.hdr"), Ok(EnvArg::File("sky.hdr".into())));
         assert_eq!(parse_env("1,2.exr"), Ok(EnvArg::File("1,2.exr".into())));
+        assert_eq!(parse_env("1,2.HDR"), Ok(EnvArg::File("1,2.HDR".into())));
         for wrong in ["", "1,2", "1,x,2,3", "1,2,nan", "-1,0,0", "1"] {
             assert!(parse_env(wrong).is_err(), "{wrong}");
         }

@@ -222,7 +222,7 @@ fn maps_that_are_not_whole_are_refused_by_name() {
     let memory = |w: u32| {
         let world =
             World { scene: scene.clone() }.with_environment_map(environment_map(w, w, |_, _| [1.0; 3]));
-        world.prepare().memory().geometry
+        world.prepare().memory().textures
     };
     assert!((12 * 255 * 256..18 * 256 * 256).contains(&(memory(256) - memory(16))));
 }

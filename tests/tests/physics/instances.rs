@@ -344,3 +344,36 @@ fn memory_is_that_of_one() {
     let flattened = world.prepare_with(Instancing::Always);
     assert_eq!(flattened.instance_count(), 3);
 }
+
+/// Memory is estimated before it is taken: copies that do not fit are refused, and many small meshes are stored once.
+#[test]
+fn geometry_that_does_not_fit_is_refused() {
+    let plain = matte([0.5; 3]);
+    let world = spread(100, 3, &plain);
+    let with = |instancing, limit| {
+        let options = hotspot_integrator::PrepareOptions {
+            instancing,
+            max_memory_bytes: Some(limit),
+            ..Default::default()
+        };
+        RenderScene::prepare(&world.scene, options)
+    };
+    // 100 × 1280 triangles: some tens of megabytes as copies, less than one when stored once.
+    let refused = with(Instancing::Never, 16 << 20).expect_err("too large").to_string();
+    assert!(refused.contains("128000 triangles") && refused.contains("16 MiB"), "{refused}");
+    assert!(with(Instancing::Never, 64 << 20).is_ok());
+    assert!(with(Instancing::Always, 16 << 20).is_ok());
+    // 199 further copies of 1280 triangles are too few to pay for one mesh, but not for twenty.
+    let kit = |meshes: u32| {
+        let mut world = World::new();
+        for mesh in 0..meshes {
+            world = world.with(sphere([f64::from(mesh), 0.0, 0.0], 0.4, 3, false), plain.clone());
+            for copy in 1..200 {
+                world = world
+                    .with_again(plain.clone(), matrix(1.0, 0.0, 0.0, false, [0.0, f64::from(copy), 0.0]));
+            }
+        }
+        world.prepare().instance_count()
+    };
+    assert_eq!((kit(1), kit(20)), (0, 4000));
+}

@@ -457,3 +457,29 @@ fn mixes_of_mixes_are_sums() {
         }
     }
 }
+
+/// A surface that glows through a texture is shaded as smoothly as one that does not; only lights proper are flat.
+#[test]
+fn glowing_surfaces_keep_their_normals() {
+    let mut smooth = hotspot_tests::world::sphere([0.0; 3], 1.0, 2, false);
+    smooth.normals = Some(smooth.positions.clone());
+    smooth.uvs = Some(vec![[0.5; 2]; smooth.positions.len()]);
+    let black = image(1, 1, |_, _| [0, 0, 0, 255]);
+    let glow = Material { emission: textured([1.0; 3], nearest(0)), ..matte([0.5; 3]) };
+    let shot = |mesh: Mesh, material: Material| {
+        let sun = LightKind::Directional { direction: [0.0, 0.0, -1.0] };
+        let world = World::new().with_texture(black.clone()).with(mesh, material).with_light(sun, [1.0; 3]);
+        picture(
+            &world.prepare(),
+            &hotspot_tests::world::pinhole([0.0, 0.0, 5.0], [0.0; 3], 0.4),
+            &settings(16, 16, 4, 1, 0),
+        )
+    };
+    let most = |a: &hotspot_tests::picture::Picture, b: &hotspot_tests::picture::Picture| {
+        a.pixels.iter().zip(&b.pixels).map(|(a, b)| (a[0] - b[0]).abs()).fold(0.0, f64::max)
+    };
+    let plain = shot(smooth.clone(), matte([0.5; 3]));
+    assert!(most(&plain, &shot(smooth.clone(), glow)) < 1e-6);
+    smooth.normals = None;
+    assert!(most(&plain, &shot(smooth, matte([0.5; 3]))) > 1e-3, "facets show");
+}

@@ -22,6 +22,14 @@ pub enum Instancing {
 /// Triangles saved from which on [`Instancing::Auto`] stores a mesh once: some 25 MB of triangles and tree.
 pub const COPIES_THAT_PAY: u64 = 1 << 18;
 
+/// Triangles saved in all meshes together from which on [`Instancing::Auto`] stores every mesh once that appears twice.
+const ALL_COPIES_THAT_PAY: u64 = 1 << 22;
+
+/// Bytes that a triangle takes, at most: corners, indices, its share of the tree, and what building takes for a moment.
+const BYTES_PER_TRIANGLE: u64 = 400;
+/// The same of an instance.
+const BYTES_PER_INSTANCE: u64 = 800;
+
 /// What was dropped while placing the geometry.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Dropped {
@@ -64,13 +72,15 @@ fn stored_once(scene: &Scene, instancing: Instancing) -> Vec<bool> {
     for instance in &scene.instances {
         uses[instance.mesh as usize] += 1;
     }
-    let pays = |mesh: u32, uses: u64| {
-        let copies = uses.saturating_sub(1);
-        match instancing {
-            Instancing::Never => false,
-            Instancing::Always => copies > 0,
-            Instancing::Auto => copies * scene.meshes[mesh as usize].triangles.len() as u64 > COPIES_THAT_PAY,
-        }
+    let triangles = |mesh: u32| scene.meshes[mesh as usize].triangles.len() as u64;
+    let saved = |mesh: u32, uses: u64| uses.saturating_sub(1).saturating_mul(triangles(mesh));
+    let in_all = uses.iter().enumerate().fold(0u64, |sum, (i, &n)| sum.saturating_add(saved(i as u32, n)));
+    let pays = |mesh: u32, uses: u64| match instancing {
+        Instancing::Never => false,
+        Instancing::Always => uses > 1,
+        // Many small meshes add up; the smallest take no more room than an instance.
+        Instancing::Auto if in_all > ALL_COPIES_THAT_PAY => uses > 1 && triangles(mesh) > 8,
+        Instancing::Auto => saved(mesh, uses) > COPIES_THAT_PAY,
     };
     let candidates: Vec<bool> = scene.instances.iter().map(|i| pays(i.mesh, uses[i.mesh as usize])).collect();
     if !candidates.contains(&true) {
@@ -100,12 +110,38 @@ fn bounds(mesh: &Mesh) -> ([f32; 3], [f32; 3]) {
     })
 }
 
+/// Triangles to store, and an estimate from above of the bytes that they and the instances take.
+fn estimate(scene: &Scene, once: &[bool]) -> (u64, u64) {
+    let mut is_stored = vec![false; scene.meshes.len()];
+    let (mut triangles, mut instances) = (0u64, 0u64);
+    for (instance, &once) in scene.instances.iter().zip(once) {
+        let mesh = instance.mesh as usize;
+        if !once || !core::mem::replace(&mut is_stored[mesh], true) {
+            triangles = triangles.saturating_add(scene.meshes[mesh].triangles.len() as u64);
+        }
+        instances += u64::from(once);
+    }
+    let bytes = triangles.saturating_mul(BYTES_PER_TRIANGLE);
+    (triangles, bytes.saturating_add(instances.saturating_mul(BYTES_PER_INSTANCE)))
+}
+
 impl Geometry {
     /// Places the instances of a scene.
-    pub(crate) fn new(scene: &Scene, instancing: Instancing) -> (Self, Dropped) {
+    ///
+    /// # Errors
+    /// When they would take more than `limit` bytes: the number of triangles and the estimate.
+    pub(crate) fn new(
+        scene: &Scene,
+        instancing: Instancing,
+        limit: Option<u64>,
+    ) -> Result<(Self, Dropped), (u64, u64)> {
         let mut geometry = Self::default();
         let mut dropped = Dropped::default();
         let once = stored_once(scene, instancing);
+        let (triangles, bytes) = estimate(scene, &once);
+        if limit.is_some_and(|limit| bytes > limit) {
+            return Err((triangles, bytes));
+        }
         // Triangles of the world first: their indices are those of the tree.
         for (instance, _) in scene.instances.iter().zip(&once).filter(|(_, once)| !**once) {
             let part = geometry.parts.len() as u32;
@@ -143,7 +179,7 @@ impl Geometry {
             };
             geometry.placed.push(Placed::new(tree, part, &instance.to_world));
         }
-        (geometry, dropped)
+        Ok((geometry, dropped))
     }
 
     /// Adds an instance's triangles as a new part, placed or in their own space; returns how many were dropped.
@@ -164,8 +200,10 @@ impl Geometry {
             tangents: None,
             light_pdf_area: 0.0,
         };
-        // Emitters use geometric normals.
-        if let Some(normals) = mesh.normals.as_ref().filter(|_| !material.is_emissive()) {
+        // A light is as flat as its triangles; a surface that glows in places is shaded as smoothly as any. What they emit
+        // goes by geometric normals either way.
+        let is_light = material.is_emissive() && material.emission.texture.is_none();
+        if let Some(normals) = mesh.normals.as_ref().filter(|_| !is_light) {
             part.normals = Some(self.normals.len() as u32);
             self.normals.extend(placed_normals(normals, to_world));
             // Bumps need normals to be bumps of. What shares a mesh that is stored once may differ in its material.

@@ -153,7 +153,8 @@ impl Lights {
         radius: f64,
     ) -> Self {
         let mut punctual: Vec<PunctualLight> = punctual.iter().filter_map(PunctualLight::new).collect();
-        let per_area: Vec<f64> = materials.iter().map(|m| power_per_area(m, textures)).collect();
+        let mut means = vec![None; textures.len()];
+        let per_area: Vec<f64> = materials.iter().map(|m| power_per_area(m, textures, &mut means)).collect();
         let powers: Vec<(u32, f64)> = (0..geometry.world_triangles() as u32)
             .filter_map(|primitive| {
                 let weight = per_area[geometry.part(primitive).material as usize];
@@ -239,14 +240,17 @@ impl Lights {
         self.punctual.len()
     }
 
-    /// Bytes held, a map's texels included.
+    /// Bytes held by an environment map and its distribution.
+    pub(crate) fn map_memory(&self) -> u64 {
+        if let Surroundings::Map(map) = &self.environment { map.memory() } else { 0 }
+    }
+
+    /// Bytes held but for the environment map's.
     pub(crate) fn memory(&self) -> u64 {
-        let map = if let Surroundings::Map(map) = &self.environment { map.memory() } else { 0 };
         (size_of_val(&self.triangles[..])
             + size_of_val(&self.punctual[..])
             + size_of_val(&self.cumulative[..])
             + size_of_val(&self.guide[..])) as u64
-            + map
     }
 
     /// Density of a constant environment at a surface whose shading normal makes cosine `cos` with the direction.

@@ -46,19 +46,21 @@ impl LightTriangle {
 }
 
 /// Power that a material emits per area, summed over channels: π · radiance for each side of a Lambertian emitter.
-pub(super) fn power_per_area(material: &Material, textures: &[Texture]) -> f64 {
+pub(super) fn power_per_area(material: &Material, textures: &[Texture], means: &mut [Option<Vec3>]) -> f64 {
     if !material.is_emissive() {
         return 0.0;
     }
     let sides = if material.double_sided { 2.0 } else { 1.0 };
-    sides * core::f64::consts::PI * mean_emission(material, textures)
+    sides * core::f64::consts::PI * mean_emission(material, textures, means)
 }
 
-/// Mean emitted radiance of a material, summed over channels: what the choice of lights goes by.
-fn mean_emission(material: &Material, textures: &[Texture]) -> f64 {
+/// Mean emitted radiance of a material, summed over channels: what the choice of lights goes by. `means` keeps the mean of
+/// each texture, which many materials may share.
+fn mean_emission(material: &Material, textures: &[Texture], means: &mut [Option<Vec3>]) -> f64 {
     let mut emission = Vec3::from_array(material.emission.factor);
     if let Some(at) = &material.emission.texture {
-        emission *= textures[at.texture as usize].mean_color();
+        let index = at.texture as usize;
+        emission *= *means[index].get_or_insert_with(|| textures[index].mean_color());
     }
     emission.to_array().iter().map(|c| f64::from(*c)).sum()
 }
