@@ -35,6 +35,7 @@ use deform::Deformation;
 use document::{Document, label};
 use graph::Placed;
 use instancing::Copies;
+use morph::MeshWeights;
 use primitive::Sources;
 use skin::Skins;
 use tangents::TangentSources;
@@ -89,6 +90,7 @@ struct Loader<'d, 'a> {
     materials: HashMap<Option<usize>, MaterialUse>,
     /// `None` for those without triangles.
     meshes: HashMap<(Sources, Option<deform::Key>), Option<u32>>,
+    mesh_weights: MeshWeights,
     poses: Poses,
     /// Present where a node of the scene has a skin.
     skins: Option<Skins>,
@@ -109,6 +111,7 @@ impl<'d, 'a> Loader<'d, 'a> {
             variant: None,
             materials: HashMap::new(),
             meshes: HashMap::new(),
+            mesh_weights: MeshWeights::default(),
             poses: Poses::default(),
             skins: None,
             object_names: Names::default(),
@@ -258,8 +261,8 @@ impl<'d, 'a> Loader<'d, 'a> {
         }
         let Some(mesh) = node.mesh() else { return Ok(()) };
         let animated = self.poses.of(placed.node).weights.as_deref();
-        let mut deformation =
-            Deformation { weights: morph::weights(doc, placed.node, mesh.index(), animated), skin: None };
+        let weights = morph::weights(doc, placed.node, &mesh, animated, &mut self.mesh_weights)?;
+        let mut deformation = Deformation { weights, skin: None };
         if let (Some(skin), Some(skins)) = (node.skin(), &mut self.skins) {
             deformation.skin = Some(skins.get(doc, &self.poses, skin.index(), &mut self.notes)?);
         }
@@ -348,7 +351,7 @@ impl<'d, 'a> Loader<'d, 'a> {
         let normal_map = self.scene.materials.get(material.index as usize).and_then(|m| m.normal_map);
         sources.tangents = normal_map.map(|map| TangentSources::of(primitive, map.texture.second_uvs));
         sources.draco = draco::stream(self.doc, &path);
-        let bent = deformation.key(mesh.index(), primitive.index());
+        let bent = deformation.key(self.doc, primitive, mesh.index(), &path)?;
         let key = (sources, bent);
         if let Some(known) = self.meshes.get(&key) {
             return Ok(known.map(|index| (index, material.index)));
