@@ -13,7 +13,7 @@ use super::schema;
 use crate::budget::Budget;
 use crate::error::{REEXPORT, Result, invalid, limit, unsupported};
 use crate::files::{self, Folder};
-use crate::notes::Notes;
+use crate::notes::{Notes, cut};
 use crate::options::LoadOptions;
 use crate::uri;
 
@@ -208,7 +208,7 @@ impl<'a> Document<'a> {
 /// Path and name for people: `materials[3] "Velvet"`.
 pub(crate) fn label(path: &str, name: Option<&str>) -> String {
     match name {
-        Some(name) => format!("{path} \"{name}\""),
+        Some(name) => format!("{path} \"{}\"", cut(name)),
         None => path.to_owned(),
     }
 }

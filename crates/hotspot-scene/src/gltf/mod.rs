@@ -45,7 +45,7 @@ use crate::budget::Budget;
 use crate::error::{REEXPORT, Result, invalid, limit};
 use crate::files::Folder;
 use crate::images::Images;
-use crate::notes::{Names, Notes};
+use crate::notes::{Names, Notes, cut};
 use crate::options::{LoadOptions, SceneChoice};
 use crate::scene::{Environment, Instance, Light, Material, Mesh, Object, Scene};
 
@@ -313,7 +313,7 @@ impl<'d, 'a> Loader<'d, 'a> {
 
     fn object(&mut self, node: &gltf::Node<'_>, mesh: &gltf::Mesh<'_>) -> Result<u32> {
         let name = match (node.name(), mesh.name()) {
-            (Some(name), _) | (None, Some(name)) if !name.is_empty() => name.to_owned(),
+            (Some(name), _) | (None, Some(name)) if !name.is_empty() => cut(name).to_owned(),
             _ => format!("node {}", node.index()),
         };
         let name = self.object_names.unique(&name);
@@ -356,12 +356,12 @@ impl<'d, 'a> Loader<'d, 'a> {
         if let Some(known) = self.meshes.get(&key) {
             return Ok(known.map(|index| (index, material.index)));
         }
-        let name = match (mesh.name(), primitive.index()) {
+        let name = match (mesh.name().map(cut), primitive.index()) {
             (Some(name), 0) => name.to_owned(),
             (Some(name), number) => format!("{name} part {}", number + 1),
             (None, _) => path.clone(),
         };
-        let name = match (&key.1, node.name()) {
+        let name = match (&key.1, node.name().map(cut)) {
             (None, _) => name,
             (Some(_), Some(node)) => format!("{name} of {node}"),
             (Some(_), None) => format!("{name} of nodes[{}]", node.index()),

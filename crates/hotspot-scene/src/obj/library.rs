@@ -11,7 +11,7 @@ use super::textures::Textures;
 use crate::budget::Budget;
 use crate::error::Result;
 use crate::files::{self, Folder};
-use crate::notes::Notes;
+use crate::notes::{Notes, cut};
 use crate::options::LoadOptions;
 use crate::scene::{Bsdf, Color, Material};
 
@@ -82,7 +82,7 @@ impl Library {
         notes: &mut Notes,
     ) -> Result<Material> {
         let plain = |name: &str| {
-            let mut material = Material::default_matte(name);
+            let mut material = Material::default_matte(cut(name));
             if !parsed.colors.is_empty() {
                 material.bsdf = Bsdf::Matte { reflectance: Color::constant([1.0; 3]) };
             }
@@ -96,7 +96,7 @@ impl Library {
         let stem = name.split_once(" #").map_or(name.as_str(), |(stem, _)| stem.trim_end());
         match self.materials.get(name).or_else(|| self.materials.get(stem)) {
             Some(mtl) => {
-                material::build(name.clone(), mtl, textures, notes).map_err(|error| error.in_file(&mtl.file))
+                material::build(cut(name).to_owned(), mtl, textures, notes).map_err(|error| error.in_file(&mtl.file))
             }
             None => {
                 let element = format!("line {line}: usemtl {name}");

@@ -34,3 +34,28 @@ fn weights_of_targets_are_charged_for_each_bent_primitive() {
     let result = load_small(&json, &bin);
     assert_refused(result, "weights", "test.glb", &["meshes[0].primitives[0]", "memory limit"]);
 }
+
+#[test]
+fn long_names_are_cut() {
+    let (mut json, bin) = square();
+    let long = "ü".repeat(100_000);
+    let mut primitive = json["meshes"][0]["primitives"][0].clone();
+    json["meshes"][0]["name"] = long.as_str().into();
+    json["materials"][0]["name"] = long.as_str().into();
+    json["cameras"] =
+        json!([{"type": "perspective", "name": long, "perspective": {"yfov": 1.0, "znear": 0.1}}]);
+    // Another mesh for each, by its mode or by what it leaves out.
+    primitive["mode"] = 5.into();
+    push(&mut json["meshes"][0]["primitives"], primitive);
+    json["nodes"] = vec![json!({"mesh": 0, "camera": 0}); 1_000].into();
+    json["scenes"][0]["nodes"] = (0..1_000).collect::<Vec<_>>().into();
+    let scene = load_small(&json, &bin).unwrap();
+    check(&scene);
+    assert_eq!((scene.objects.len(), scene.cameras.len(), scene.meshes.len()), (1_000, 1_000, 2));
+    assert_eq!(scene.materials[0].name, "ü".repeat(200));
+    let objects = scene.objects.iter().map(|object| &object.name);
+    let cameras = scene.cameras.iter().map(|camera| &camera.name);
+    for name in objects.chain(cameras).chain(scene.meshes.iter().map(|mesh| &mesh.name)) {
+        assert!((200..210).contains(&name.chars().count()), "{} characters", name.chars().count());
+    }
+}
