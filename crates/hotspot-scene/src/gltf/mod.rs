@@ -212,14 +212,14 @@ impl<'d, 'a> Loader<'d, 'a> {
     fn chosen_scene(&self, choice: &SceneChoice) -> Result<gltf::Scene<'d>> {
         let scenes = self.doc.gltf.scenes();
         let (found, asked) = match choice {
-            SceneChoice::Index(index) => (scenes.clone().nth(*index), format!("scene {index}")),
+            SceneChoice::Index(index) => (scenes.clone().nth(*index), format!("scene #{index}")),
             SceneChoice::Name(name) => {
                 (scenes.clone().find(|scene| scene.name() == Some(name)), format!("the scene \"{name}\""))
             }
         };
         found.ok_or_else(|| {
             let list: Vec<String> =
-                scenes.map(|scene| label(&scene.index().to_string(), scene.name())).collect();
+                scenes.map(|scene| label(&format!("#{}", scene.index()), scene.name())).collect();
             let list = if list.is_empty() { "none".into() } else { list.join(", ") };
             invalid("scenes", format!("{asked} is asked for, the file has {list}"), "choose one of them")
         })

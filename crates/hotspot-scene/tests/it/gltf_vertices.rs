@@ -176,5 +176,5 @@ fn scenes_are_chosen_by_name() {
         load_glb_bytes("test.glb", &glb(&json, &bin), &options)
     };
     assert_eq!(load("Night").unwrap().objects[0].name, "B");
-    assert_refused(load("Day"), "no such name", "test.glb", &["\"Day\"", "0, 1 \"Night\"", "choose"]);
+    assert_refused(load("Day"), "no such name", "test.glb", &["\"Day\"", "#0, #1 \"Night\"", "choose"]);
 }
