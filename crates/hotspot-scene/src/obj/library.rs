@@ -95,9 +95,8 @@ impl Library {
         // A name may hold `#`, or a comment may follow it.
         let stem = name.split_once(" #").map_or(name.as_str(), |(stem, _)| stem.trim_end());
         match self.materials.get(name).or_else(|| self.materials.get(stem)) {
-            Some(mtl) => {
-                material::build(cut(name).to_owned(), mtl, textures, notes).map_err(|error| error.in_file(&mtl.file))
-            }
+            Some(mtl) => material::build(cut(name).to_owned(), mtl, textures, notes)
+                .map_err(|error| error.in_file(&mtl.file)),
             None => {
                 let element = format!("line {line}: usemtl {name}");
                 notes.repair("material not found: grey matte used", &element, 1);

@@ -59,3 +59,30 @@ fn long_names_are_cut() {
         assert!((200..210).contains(&name.chars().count()), "{} characters", name.chars().count());
     }
 }
+
+#[test]
+fn the_effort_of_tangents_adds_up_over_a_file() {
+    let (mut json, mut bin) = textured_square();
+    json["materials"][0]["normalTexture"] = json!({"index": 0});
+    // A fan of triangles around its first corner, whose sum of squares is a third of what a file may take.
+    let triangles = 8_200u16;
+    let rim = (0..=triangles).map(|i| f32::from(i) / f32::from(triangles));
+    let positions: Vec<f32> = [0.0; 3].into_iter().chain(rim.clone().flat_map(|x| [x, 1.0, 0.0])).collect();
+    let uvs: Vec<f32> = [0.0; 2].into_iter().chain(rim.flat_map(|x| [x, 1.0])).collect();
+    let normals = [0.0, 0.0, 1.0].repeat(positions.len() / 3);
+    let indices: Vec<u8> = (1..=triangles).flat_map(|i| [0, i + 1, i]).flat_map(u16::to_le_bytes).collect();
+    let normals = float_accessor(&mut json, &mut bin, &normals, "VEC3");
+    let uvs = float_accessor(&mut json, &mut bin, &uvs, "VEC2");
+    let indices = accessor(&mut json, &mut bin, &indices, 5123, "SCALAR");
+    let primitives = (0..5).map(|_| {
+        let positions = float_accessor(&mut json, &mut bin, &positions, "VEC3");
+        json!({"attributes": {"POSITION": positions, "NORMAL": normals, "TEXCOORD_0": uvs},
+            "indices": indices, "material": 0})
+    });
+    let primitives: Vec<Value> = primitives.collect();
+    json["meshes"][0]["primitives"] = primitives.into();
+    let scene = load_pair(&json, &bin).unwrap();
+    check(&scene);
+    assert_eq!(scene.meshes.iter().filter(|mesh| mesh.tangents.is_some()).count(), 2);
+    assert_eq!(repaired(&scene, "too many triangles meet in a vertex: normal map left out"), 3);
+}
