@@ -31,7 +31,13 @@ impl Library {
     ) -> Result<Self> {
         let mut materials = HashMap::new();
         let mut seen = HashSet::new();
+        // Statements and names that were looked for already.
+        let (mut statements, mut looked_for) = (HashSet::new(), HashSet::new());
         for (names, line) in &parsed.libraries {
+            // Exporters repeat the statement for every object.
+            if !statements.insert(names.as_str()) {
+                continue;
+            }
             let element = format!("line {line}");
             // One name with spaces, or several names.
             let whole =
@@ -42,6 +48,9 @@ impl Library {
                 names.split_ascii_whitespace().take_while(|name| !name.starts_with('#')).collect()
             };
             for name in several {
+                if !looked_for.insert(name) {
+                    continue;
+                }
                 let shown = format!("{element}: {name}");
                 let path = match find(folder, name) {
                     Found::AsNamed(path) => path,
@@ -58,7 +67,7 @@ impl Library {
                         continue;
                     }
                 };
-                // Exporters repeat the statement for every object.
+                // Other names of the same file.
                 if !seen.insert(path.clone()) {
                     continue;
                 }
