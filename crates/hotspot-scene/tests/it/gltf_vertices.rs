@@ -68,7 +68,7 @@ fn primitives_that_differ_in_colours_alone_do_not_share_a_mesh() {
 #[test]
 fn integer_colours_that_do_not_say_normalized_are_normalised() {
     for (component, bytes) in
-        [(5121, vec![255, 0, 51, 255].repeat(4)), (5123, vec![255, 255, 0, 0, 51, 51, 255, 255].repeat(4))]
+        [(5121, [255, 0, 51, 255].repeat(4)), (5123, [255, 255, 0, 0, 51, 51, 255, 255].repeat(4))]
     {
         let scene = load_changed(|json, bin| {
             let index = accessor(json, bin, &bytes, component, "VEC4");

@@ -44,7 +44,7 @@ fn long_names_are_cut() {
     json["materials"][0]["name"] = long.as_str().into();
     json["cameras"] =
         json!([{"type": "perspective", "name": long, "perspective": {"yfov": 1.0, "znear": 0.1}}]);
-    // Another mesh for each, by its mode or by what it leaves out.
+    // A second mesh, by its mode.
     primitive["mode"] = 5.into();
     push(&mut json["meshes"][0]["primitives"], primitive);
     json["nodes"] = vec![json!({"mesh": 0, "camera": 0}); 1_000].into();
