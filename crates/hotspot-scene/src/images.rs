@@ -4,6 +4,7 @@
 //! them take, and so how far the largest must be reduced to fit.
 
 use std::borrow::Cow;
+use std::cell::Cell;
 use std::collections::{BinaryHeap, HashMap};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::Cursor;
@@ -50,6 +51,8 @@ struct Source<'a> {
     has_alpha: bool,
     /// The texture holds 1 - glossiness * alpha instead of the picture.
     glossiness: Option<f32>,
+    /// What [`Images::is_solid`] has found.
+    solid: Cell<Option<bool>>,
 }
 
 /// Decoded textures.
@@ -127,6 +130,7 @@ impl<'a> Images<'a> {
             size: [width, height],
             has_alpha,
             glossiness: None,
+            solid: Cell::new(None),
         })?;
         self.by_content.entry(hash).or_default().push(index);
         Ok(index)
@@ -150,6 +154,7 @@ impl<'a> Images<'a> {
             size: source.size,
             has_alpha: false,
             glossiness: Some(glossiness),
+            solid: Cell::new(None),
         })?;
         self.roughness.insert(key, new);
         Ok(Some(new))
@@ -180,9 +185,15 @@ impl<'a> Images<'a> {
         let Some(source) = self.sources.get(index as usize).filter(|source| source.has_alpha) else {
             return true;
         };
+        if let Some(known) = source.solid.get() {
+            return known;
+        }
         // What cannot be decoded is left out by `finish`.
         let fits = source.pixels().saturating_mul(TRANSIENT) <= budget.left();
-        fits && source.decode(budget, &mut Notes::default()).is_ok_and(|picture| is_solid(&picture))
+        let solid =
+            fits && source.decode(budget, &mut Notes::default()).is_ok_and(|picture| is_solid(&picture));
+        source.solid.set(Some(solid));
+        solid
     }
 
     /// Decodes everything. The sum of the textures' bytes is kept within the texture budget, and within what the memory

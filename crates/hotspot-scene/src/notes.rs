@@ -45,6 +45,13 @@ impl Notes {
     }
 }
 
+/// The beginning of a name from the file. Names are copied for every element that lacks one of its own, and a file may make
+/// one as long as itself.
+pub(crate) fn cut(name: &str) -> &str {
+    const MAX: usize = 200;
+    name.char_indices().nth(MAX).and_then(|(end, _)| name.get(..end)).unwrap_or(name)
+}
+
 /// Makes names unique: the second `Chair` becomes `Chair #2`.
 #[derive(Default)]
 pub(crate) struct Names {
@@ -53,7 +60,9 @@ pub(crate) struct Names {
 }
 
 impl Names {
+    /// The name, cut where it is long, with a number where it is taken.
     pub(crate) fn unique(&mut self, name: &str) -> String {
+        let name = cut(name);
         let mut n = self.taken.get(name).copied().unwrap_or(0);
         let mut candidate = name.to_owned();
         loop {
@@ -83,6 +92,15 @@ mod tests {
         let mut names = Names::default();
         let got: Vec<_> = ["a", "a #2", "a", "a", "a #2"].iter().map(|n| names.unique(n)).collect();
         assert_eq!(got, ["a", "a #2", "a #3", "a #4", "a #2 #2"]);
+    }
+
+    #[test]
+    fn long_names_are_cut_between_characters_and_stay_unique() {
+        let mut names = Names::default();
+        let long = "ü".repeat(300);
+        assert_eq!(names.unique(&long), "ü".repeat(200));
+        assert_eq!(names.unique(&long), format!("{} #2", "ü".repeat(200)));
+        assert_eq!(cut("short"), "short");
     }
 
     #[test]

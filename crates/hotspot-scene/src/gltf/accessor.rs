@@ -26,7 +26,8 @@ pub(crate) enum Kind {
     Uv,
     /// Differences that morph targets add: as [`Kind::Vector`]; zeros where the accessor has no data.
     Delta,
-    /// Vertex colours and the weights of joints: floats or normalised unsigned integers.
+    /// Vertex colours and the weights of joints: floats or unsigned integers, which are normalised whether
+    /// the file says so or not.
     Share,
     /// Numbers of joints: unsigned integers, not normalised.
     Joint,
@@ -44,14 +45,19 @@ pub(crate) fn vectors<const N: usize>(
     notes: &mut Notes,
 ) -> Result<Vec<[f32; N]>> {
     let path = path(accessor);
-    let (data, normalized) = (accessor.data_type(), accessor.normalized());
+    let (data, mut normalized) = (accessor.data_type(), accessor.normalized());
     check_type(accessor, N)?;
     let unsigned = matches!(data, DataType::U8 | DataType::U16);
+    if kind == Kind::Share && unsigned && !normalized {
+        // Nothing else can be meant by integers here.
+        notes.repair("integers without `normalized` taken as normalised", &path, 1);
+        normalized = true;
+    }
     let allowed = match (data, kind) {
         (DataType::F32, _) => !normalized && kind != Kind::Joint,
         (DataType::U32, _) | (_, Kind::Float) => false,
         (_, Kind::Joint) => unsigned && !normalized,
-        (_, Kind::Share) => unsigned && normalized,
+        (_, Kind::Share) => unsigned,
         (_, Kind::Value) => normalized,
         (_, Kind::Uv) if unsigned && normalized => true,
         (_, Kind::Vector | Kind::Uv | Kind::Delta) => doc.quantized,

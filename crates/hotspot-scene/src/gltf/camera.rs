@@ -7,7 +7,7 @@ use gltf::json::validation::Checked;
 use super::document::{Document, label};
 use super::graph::Affine;
 use crate::error::{REEXPORT, Result, invalid};
-use crate::notes::Notes;
+use crate::notes::{Notes, cut};
 use crate::scene::{Camera, Projection};
 
 /// The camera of a node, or `None` where the node's transform leaves nothing to look through (noted).
@@ -22,7 +22,7 @@ pub(crate) fn read(
     doc.note_unknown(&format!("cameras[{index}]"), camera.name(), &[], notes);
     let projection = projection(doc, index)?;
     let name = match (node.name(), camera.name()) {
-        (Some(name), _) | (None, Some(name)) if !name.is_empty() => name.to_owned(),
+        (Some(name), _) | (None, Some(name)) if !name.is_empty() => cut(name).to_owned(),
         _ => format!("camera {index}"),
     };
     let Some(to_world) = unit_columns(to_world) else {

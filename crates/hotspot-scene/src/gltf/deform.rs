@@ -20,8 +20,8 @@ pub(crate) struct Vertices {
 /// How a node bends its mesh.
 #[derive(Clone, Default)]
 pub(crate) struct Deformation {
-    /// Weights of the morph targets; empty where all are 0.
-    pub(crate) weights: Vec<f64>,
+    /// Weights of the morph targets; empty where all are 0. Primitives of fewer targets use the first of them.
+    pub(crate) weights: Rc<[f64]>,
     pub(crate) skin: Option<Skin>,
 }
 
@@ -45,12 +45,24 @@ pub(crate) struct Key {
 
 impl Deformation {
     /// What tells deformed primitives apart; `None` where nothing is bent.
-    pub(crate) fn key(&self, mesh: usize, primitive: usize) -> Option<Key> {
-        if self.weights.is_empty() && self.skin.is_none() {
-            return None;
+    pub(crate) fn key(
+        &self,
+        doc: &Document<'_>,
+        primitive: &gltf::Primitive<'_>,
+        mesh: usize,
+        path: &str,
+    ) -> Result<Option<Key>> {
+        let mut weights = morph::used(primitive, &self.weights);
+        if weights.iter().all(|weight| *weight == 0.0) {
+            weights = &[];
         }
-        let weights = self.weights.iter().map(|weight| weight.to_bits()).collect();
-        Some(Key { mesh, primitive, weights, skin: self.skin.as_ref().map(|skin| skin.index) })
+        if weights.is_empty() && self.skin.is_none() {
+            return Ok(None);
+        }
+        doc.budget.charge(weights.len() as u64, size_of::<u64>() as u64, path)?;
+        let weights = weights.iter().map(|weight| weight.to_bits()).collect();
+        let skin = self.skin.as_ref().map(|skin| skin.index);
+        Ok(Some(Key { mesh, primitive: primitive.index(), weights, skin }))
     }
 
     /// Bends the vertices of a primitive. Returns which of them are mirrored; empty where none can be.

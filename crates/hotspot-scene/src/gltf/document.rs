@@ -1,7 +1,7 @@
 //! The parsed file with its buffers: checked access to byte ranges.
 
 use std::borrow::Cow;
-use std::cell::{OnceCell, RefCell};
+use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -13,7 +13,7 @@ use super::schema;
 use crate::budget::Budget;
 use crate::error::{REEXPORT, Result, invalid, limit, unsupported};
 use crate::files::{self, Folder};
-use crate::notes::Notes;
+use crate::notes::{Notes, cut};
 use crate::options::LoadOptions;
 use crate::uri;
 
@@ -29,6 +29,8 @@ pub(crate) struct Document<'a> {
     pub(crate) environments: Vec<Option<Value>>,
     /// The file's animations, mended; empty where they are not asked for.
     pub(crate) animations: Vec<Value>,
+    /// What generating tangents has taken so far.
+    pub(crate) tangent_effort: Cell<u64>,
     value: Value,
     folder: Option<&'a Folder>,
     bin: Option<&'a [u8]>,
@@ -79,6 +81,7 @@ impl<'a> Document<'a> {
             quantized,
             environments,
             animations,
+            tangent_effort: Cell::new(0),
             value,
             folder,
             bin,
@@ -208,7 +211,7 @@ impl<'a> Document<'a> {
 /// Path and name for people: `materials[3] "Velvet"`.
 pub(crate) fn label(path: &str, name: Option<&str>) -> String {
     match name {
-        Some(name) => format!("{path} \"{name}\""),
+        Some(name) => format!("{path} \"{}\"", cut(name)),
         None => path.to_owned(),
     }
 }

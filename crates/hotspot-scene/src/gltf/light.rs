@@ -12,7 +12,7 @@ use super::document::{Document, label};
 use super::graph::Affine;
 use super::member;
 use crate::error::{REEXPORT, Result, invalid};
-use crate::notes::Notes;
+use crate::notes::{Notes, cut};
 use crate::scene::{Light, LightKind};
 
 const REFERENCE: &str = "extensions.KHR_lights_punctual.light";
@@ -56,7 +56,7 @@ pub(crate) fn read(
         notes.unmodelled("range of a light", &element, effect);
     }
     let name = match (node.name(), stated_name) {
-        (Some(name), _) | (None, Some(name)) if !name.is_empty() => name.to_owned(),
+        (Some(name), _) | (None, Some(name)) if !name.is_empty() => cut(name).to_owned(),
         _ => format!("light {index}"),
     };
     Ok(Some(Light { name, kind, intensity }))

@@ -17,7 +17,7 @@ use super::texture::{self, Textures};
 use crate::LoadError;
 use crate::error::{REEXPORT, Result, invalid};
 use crate::left_out;
-use crate::notes::Notes;
+use crate::notes::{Notes, cut};
 use crate::scene::{Alpha, Bsdf, Channel, Color, Material, NormalMap, Scalar, TextureRef};
 
 /// Extensions that [`read`] takes care of.
@@ -72,7 +72,7 @@ pub(crate) fn read<'d>(
     let path = format!("materials[{index}]");
     doc.note_unknown(&path, stated.name(), &KNOWN, notes);
     let name = match stated.name() {
-        Some(name) if !name.is_empty() => name.to_owned(),
+        Some(name) if !name.is_empty() => cut(name).to_owned(),
         _ => format!("material {index}"),
     };
     let json = doc.json().get("materials").and_then(|materials| materials.get(index)).unwrap_or(&Value::Null);

@@ -35,6 +35,7 @@ use deform::Deformation;
 use document::{Document, label};
 use graph::Placed;
 use instancing::Copies;
+use morph::MeshWeights;
 use primitive::Sources;
 use skin::Skins;
 use tangents::TangentSources;
@@ -44,7 +45,7 @@ use crate::budget::Budget;
 use crate::error::{REEXPORT, Result, invalid, limit};
 use crate::files::Folder;
 use crate::images::Images;
-use crate::notes::{Names, Notes};
+use crate::notes::{Names, Notes, cut};
 use crate::options::{LoadOptions, SceneChoice};
 use crate::scene::{Environment, Instance, Light, Material, Mesh, Object, Scene};
 
@@ -89,6 +90,7 @@ struct Loader<'d, 'a> {
     materials: HashMap<Option<usize>, MaterialUse>,
     /// `None` for those without triangles.
     meshes: HashMap<(Sources, Option<deform::Key>), Option<u32>>,
+    mesh_weights: MeshWeights,
     poses: Poses,
     /// Present where a node of the scene has a skin.
     skins: Option<Skins>,
@@ -109,6 +111,7 @@ impl<'d, 'a> Loader<'d, 'a> {
             variant: None,
             materials: HashMap::new(),
             meshes: HashMap::new(),
+            mesh_weights: MeshWeights::default(),
             poses: Poses::default(),
             skins: None,
             object_names: Names::default(),
@@ -209,14 +212,14 @@ impl<'d, 'a> Loader<'d, 'a> {
     fn chosen_scene(&self, choice: &SceneChoice) -> Result<gltf::Scene<'d>> {
         let scenes = self.doc.gltf.scenes();
         let (found, asked) = match choice {
-            SceneChoice::Index(index) => (scenes.clone().nth(*index), format!("scene {index}")),
+            SceneChoice::Index(index) => (scenes.clone().nth(*index), format!("scene #{index}")),
             SceneChoice::Name(name) => {
                 (scenes.clone().find(|scene| scene.name() == Some(name)), format!("the scene \"{name}\""))
             }
         };
         found.ok_or_else(|| {
             let list: Vec<String> =
-                scenes.map(|scene| label(&scene.index().to_string(), scene.name())).collect();
+                scenes.map(|scene| label(&format!("#{}", scene.index()), scene.name())).collect();
             let list = if list.is_empty() { "none".into() } else { list.join(", ") };
             invalid("scenes", format!("{asked} is asked for, the file has {list}"), "choose one of them")
         })
@@ -258,8 +261,8 @@ impl<'d, 'a> Loader<'d, 'a> {
         }
         let Some(mesh) = node.mesh() else { return Ok(()) };
         let animated = self.poses.of(placed.node).weights.as_deref();
-        let mut deformation =
-            Deformation { weights: morph::weights(doc, placed.node, mesh.index(), animated), skin: None };
+        let weights = morph::weights(doc, placed.node, &mesh, animated, &mut self.mesh_weights)?;
+        let mut deformation = Deformation { weights, skin: None };
         if let (Some(skin), Some(skins)) = (node.skin(), &mut self.skins) {
             deformation.skin = Some(skins.get(doc, &self.poses, skin.index(), &mut self.notes)?);
         }
@@ -310,7 +313,7 @@ impl<'d, 'a> Loader<'d, 'a> {
 
     fn object(&mut self, node: &gltf::Node<'_>, mesh: &gltf::Mesh<'_>) -> Result<u32> {
         let name = match (node.name(), mesh.name()) {
-            (Some(name), _) | (None, Some(name)) if !name.is_empty() => name.to_owned(),
+            (Some(name), _) | (None, Some(name)) if !name.is_empty() => cut(name).to_owned(),
             _ => format!("node {}", node.index()),
         };
         let name = self.object_names.unique(&name);
@@ -348,17 +351,17 @@ impl<'d, 'a> Loader<'d, 'a> {
         let normal_map = self.scene.materials.get(material.index as usize).and_then(|m| m.normal_map);
         sources.tangents = normal_map.map(|map| TangentSources::of(primitive, map.texture.second_uvs));
         sources.draco = draco::stream(self.doc, &path);
-        let bent = deformation.key(mesh.index(), primitive.index());
+        let bent = deformation.key(self.doc, primitive, mesh.index(), &path)?;
         let key = (sources, bent);
         if let Some(known) = self.meshes.get(&key) {
             return Ok(known.map(|index| (index, material.index)));
         }
-        let name = match (mesh.name(), primitive.index()) {
+        let name = match (mesh.name().map(cut), primitive.index()) {
             (Some(name), 0) => name.to_owned(),
             (Some(name), number) => format!("{name} part {}", number + 1),
             (None, _) => path.clone(),
         };
-        let name = match (&key.1, node.name()) {
+        let name = match (&key.1, node.name().map(cut)) {
             (None, _) => name,
             (Some(_), Some(node)) => format!("{name} of {node}"),
             (Some(_), None) => format!("{name} of nodes[{}]", node.index()),

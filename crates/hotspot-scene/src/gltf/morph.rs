@@ -1,5 +1,8 @@
 //! Morph targets (glTF 2.0, sections 3.7.2.2 and 3.7.4): weighted differences added to a mesh's vertices.
 
+use std::collections::HashMap;
+use std::rc::Rc;
+
 use serde_json::Value;
 
 use super::accessor::{self, Kind};
@@ -8,16 +11,46 @@ use super::document::Document;
 use crate::error::{REEXPORT, Result, invalid};
 use crate::notes::Notes;
 
+/// Weights that meshes state themselves, by mesh, once they are asked for.
+pub(crate) type MeshWeights = HashMap<usize, Rc<[f64]>>;
+
 /// The weights that a node gives to its mesh's targets: animated ones, else the node's, else the mesh's. Empty where all
 /// are 0.
-pub(crate) fn weights(doc: &Document<'_>, node: usize, mesh: usize, animated: Option<&[f64]>) -> Vec<f64> {
-    let stated = |array, index| {
-        let weights = doc.member(array, index, "weights").and_then(Value::as_array)?;
-        Some(weights.iter().map(|weight| weight.as_f64().unwrap_or_default()).collect::<Vec<_>>())
+pub(crate) fn weights(
+    doc: &Document<'_>,
+    node: usize,
+    mesh: &gltf::Mesh<'_>,
+    animated: Option<&[f64]>,
+    known: &mut MeshWeights,
+) -> Result<Rc<[f64]>> {
+    // One more than there are targets still tells that there are too many.
+    let most = || mesh.primitives().map(|primitive| primitive.morph_targets().len() + 1).max().unwrap_or(0);
+    let collect = |path: &str, stated: &mut dyn Iterator<Item = f64>| -> Result<Rc<[f64]>> {
+        let weights: Vec<f64> = stated.take(most()).collect();
+        // Twice for a moment.
+        doc.budget.charge(weights.len() as u64, 2 * size_of::<f64>() as u64, path)?;
+        Ok(if weights.iter().any(|weight| *weight != 0.0) { weights.into() } else { Rc::default() })
     };
-    let animated = animated.map(<[f64]>::to_vec);
-    let weights = animated.or_else(|| stated("nodes", node)).or_else(|| stated("meshes", mesh));
-    weights.filter(|weights| weights.iter().any(|weight| *weight != 0.0)).unwrap_or_default()
+    let number = |weight: &Value| weight.as_f64().unwrap_or_default();
+    let stated = |array, index| doc.member(array, index, "weights").and_then(Value::as_array);
+    if let Some(animated) = animated {
+        return collect(&format!("nodes[{node}]"), &mut animated.iter().copied());
+    }
+    if let Some(stated) = stated("nodes", node) {
+        return collect(&format!("nodes[{node}].weights"), &mut stated.iter().map(number));
+    }
+    let Some(stated) = stated("meshes", mesh.index()) else { return Ok(Rc::default()) };
+    if let Some(known) = known.get(&mesh.index()) {
+        return Ok(Rc::clone(known));
+    }
+    let weights = collect(&format!("meshes[{}].weights", mesh.index()), &mut stated.iter().map(number))?;
+    known.insert(mesh.index(), Rc::clone(&weights));
+    Ok(weights)
+}
+
+/// Those of a mesh's weights that belong to targets of the primitive.
+pub(crate) fn used<'w>(primitive: &gltf::Primitive<'_>, weights: &'w [f64]) -> &'w [f64] {
+    weights.get(..primitive.morph_targets().len()).unwrap_or(weights)
 }
 
 /// Adds the targets of a primitive to its vertices.
@@ -33,7 +66,7 @@ pub(crate) fn apply(
     let fits = weights.len() == count || count == 0;
     notes.repair("as many weights as morph targets assumed", path, u64::from(!fits));
     let (mut positions, mut normals, mut tangents) = (Vec::new(), Vec::new(), Vec::new());
-    for ((t, target), weight) in primitive.morph_targets().enumerate().zip(weights) {
+    for ((t, target), weight) in primitive.morph_targets().enumerate().zip(used(primitive, weights)) {
         if *weight == 0.0 {
             continue;
         }

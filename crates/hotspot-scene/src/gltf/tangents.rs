@@ -1,6 +1,7 @@
 //! Tangents for normal maps (glTF 2.0, section 3.7.2.1): those of the file, else MikkTSpace's, which is what such maps are
 //! baked for (Mikkelsen 2008, "Simulation of Wrinkled Surfaces Revisited").
 
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -30,9 +31,13 @@ impl TangentSources {
     }
 }
 
-/// The generator takes time by the square of the corners that meet in a vertex: at this sum of squares, seconds. Meshes made
-/// for normal maps stay far below (ten thousand triangles around one point are 10⁸).
+/// The generator takes time by the square of the corners that meet in a vertex: at this sum of squares over a file, seconds.
+/// Meshes made for normal maps stay far below (ten thousand triangles around one point are 10⁸).
 const MOST_EFFORT: u64 = 200_000_000;
+
+/// Of that sum, what every corner has free: where few meet in each vertex, time goes by the corners, which the memory limit
+/// bounds. Six meet in a vertex of most meshes.
+const FREE_EFFORT: u64 = 16;
 
 /// Bytes that generating takes for each corner at most, while it runs and in what it leaves.
 const BYTES_PER_CORNER: u64 = 400;
@@ -62,7 +67,7 @@ pub(crate) fn complete(
     if mesh.normals.is_none() {
         flatten(mesh);
     }
-    if !generate(mesh, sources.second_uvs) {
+    if !generate(mesh, sources.second_uvs, &doc.tangent_effort) {
         notes.repair("too many triangles meet in a vertex: normal map left out", path, 1);
     }
     geometry::mend_tangents(mesh, path, notes);
@@ -92,8 +97,8 @@ fn pick<T: Copy>(items: &[T], indices: &[u32]) -> Vec<T> {
 }
 
 /// Generates tangents per corner; vertices whose corners disagree are split, the others stay shared. False where that
-/// would take too long.
-fn generate(mesh: &mut Mesh, second_uvs: bool) -> bool {
+/// would take too long, after the effort `spent` on other meshes.
+fn generate(mesh: &mut Mesh, second_uvs: bool, spent: &Cell<u64>) -> bool {
     let uvs = if second_uvs { mesh.second_uvs.as_deref() } else { mesh.uvs.as_deref() };
     let (Some(uvs), Some(normals)) = (uvs, mesh.normals.as_deref()) else { return true };
     let mut corners = Corners {
@@ -105,7 +110,13 @@ fn generate(mesh: &mut Mesh, second_uvs: bool) -> bool {
         uv_scale: scale(uvs.iter().flatten()),
         tangents: vec![[0.0; 4]; 3 * mesh.triangles.len()],
     };
-    if corners.effort() > MOST_EFFORT || bevy_mikktspace::generate_tangents(&mut corners).is_err() {
+    let free = FREE_EFFORT.saturating_mul(corners.tangents.len() as u64);
+    let effort = spent.get().saturating_add(corners.effort().saturating_sub(free));
+    if effort > MOST_EFFORT {
+        return false;
+    }
+    spent.set(effort);
+    if bevy_mikktspace::generate_tangents(&mut corners).is_err() {
         return false;
     }
     let tangents = corners.tangents;
@@ -270,7 +281,7 @@ mod tests {
         if mesh.normals.is_none() {
             flatten(&mut mesh);
         }
-        assert!(generate(&mut mesh, second_uvs));
+        assert!(generate(&mut mesh, second_uvs, &Cell::new(0)));
         let mut notes = Notes::default();
         geometry::mend_tangents(&mut mesh, "m", &mut notes);
         let repairs = notes.into_lists().1.iter().map(|repair| repair.count).sum();
@@ -393,8 +404,15 @@ mod tests {
                 mesh.uvs = Some(mesh.positions.iter().map(|p| [p[0], p[2]]).collect());
                 mesh
             };
-            assert!(!generate(&mut fan(20_000), false));
-            assert!(generate(&mut fan(500), false));
+            let spent = Cell::new(0);
+            assert!(!generate(&mut fan(20_000), false, &spent));
+            assert!(generate(&mut fan(500), false, &spent));
+            // What others have taken counts.
+            let one = spent.get();
+            assert!(one > 0);
+            spent.set(MOST_EFFORT - one);
+            assert!(generate(&mut fan(500), false, &spent));
+            assert!(!generate(&mut fan(500), false, &spent));
         }
     }
 

@@ -11,7 +11,7 @@ use super::textures::Textures;
 use crate::budget::Budget;
 use crate::error::Result;
 use crate::files::{self, Folder};
-use crate::notes::Notes;
+use crate::notes::{Notes, cut};
 use crate::options::LoadOptions;
 use crate::scene::{Bsdf, Color, Material};
 
@@ -31,7 +31,13 @@ impl Library {
     ) -> Result<Self> {
         let mut materials = HashMap::new();
         let mut seen = HashSet::new();
+        // Statements and names that were looked for already.
+        let (mut statements, mut looked_for) = (HashSet::new(), HashSet::new());
         for (names, line) in &parsed.libraries {
+            // Exporters repeat the statement for every object.
+            if !statements.insert(names.as_str()) {
+                continue;
+            }
             let element = format!("line {line}");
             // One name with spaces, or several names.
             let whole =
@@ -42,6 +48,9 @@ impl Library {
                 names.split_ascii_whitespace().take_while(|name| !name.starts_with('#')).collect()
             };
             for name in several {
+                if !looked_for.insert(name) {
+                    continue;
+                }
                 let shown = format!("{element}: {name}");
                 let path = match find(folder, name) {
                     Found::AsNamed(path) => path,
@@ -58,7 +67,7 @@ impl Library {
                         continue;
                     }
                 };
-                // Exporters repeat the statement for every object.
+                // Other names of the same file.
                 if !seen.insert(path.clone()) {
                     continue;
                 }
@@ -82,7 +91,7 @@ impl Library {
         notes: &mut Notes,
     ) -> Result<Material> {
         let plain = |name: &str| {
-            let mut material = Material::default_matte(name);
+            let mut material = Material::default_matte(cut(name));
             if !parsed.colors.is_empty() {
                 material.bsdf = Bsdf::Matte { reflectance: Color::constant([1.0; 3]) };
             }
@@ -95,9 +104,8 @@ impl Library {
         // A name may hold `#`, or a comment may follow it.
         let stem = name.split_once(" #").map_or(name.as_str(), |(stem, _)| stem.trim_end());
         match self.materials.get(name).or_else(|| self.materials.get(stem)) {
-            Some(mtl) => {
-                material::build(name.clone(), mtl, textures, notes).map_err(|error| error.in_file(&mtl.file))
-            }
+            Some(mtl) => material::build(cut(name).to_owned(), mtl, textures, notes)
+                .map_err(|error| error.in_file(&mtl.file)),
             None => {
                 let element = format!("line {line}: usemtl {name}");
                 notes.repair("material not found: grey matte used", &element, 1);

@@ -104,6 +104,9 @@ fn is_option(word: &str) -> bool {
 
 /// A word as a finite number.
 pub(super) fn finite(statement: &Statement<'_>, word: &str) -> Result<f32> {
+    if word.is_empty() {
+        return Err(statement.wrong("no value follows"));
+    }
     let number = statement.number(word)?;
     if number.is_finite() {
         Ok(number)

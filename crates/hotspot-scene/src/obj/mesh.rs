@@ -8,7 +8,7 @@ use super::smooth::Smoother;
 use crate::budget::Budget;
 use crate::error::Result;
 use crate::geometry;
-use crate::notes::Notes;
+use crate::notes::{Notes, cut};
 use crate::scene::Mesh;
 
 /// Bytes of a vertex while a mesh is built, besides its attributes: its corner in a growing list, an entry of a growing hash
@@ -39,7 +39,7 @@ impl<'a> Builder<'a> {
     /// The triangles and vertices of a group; what a mesh does not keep does not split its vertices. `textured` says whether
     /// it keeps texture coordinates.
     pub(super) fn build(&mut self, group: &Group, textured: bool, notes: &mut Notes) -> Result<Unfinished> {
-        let name = self.parsed.objects.get(group.object).cloned().unwrap_or_default();
+        let name = cut(self.parsed.objects.get(group.object).map_or("", String::as_str)).to_owned();
         let count: u64 = group.arities.iter().map(|arity| u64::from(arity.saturating_sub(2))).sum();
         self.budget.charge(count, 12, &name)?;
         let mut triangles = Vec::with_capacity(count as usize);

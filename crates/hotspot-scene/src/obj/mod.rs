@@ -68,13 +68,14 @@ pub(crate) fn load(
         parts.push((builder.build(&group, textured, &mut notes)?, group.object, material));
     }
     let mut objects: HashMap<usize, u32> = HashMap::new();
+    let mut object_names = Names::default();
     for (part, object, material) in parts {
         let mesh = builder.finish(part, &mut notes)?;
         if mesh.triangles.is_empty() {
             continue;
         }
         let object = *objects.entry(object).or_insert_with(|| {
-            let name = parsed.objects.get(object).cloned().unwrap_or_default();
+            let name = object_names.unique(parsed.objects.get(object).map_or("", String::as_str));
             scene.objects.push(Object { name });
             scene.objects.len() as u32 - 1
         });

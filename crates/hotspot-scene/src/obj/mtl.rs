@@ -9,9 +9,10 @@ use std::path::{Path, PathBuf};
 
 use super::map::{self, Map, finite};
 use super::text::{Mended, Statement, Statements, without_utf16};
+use crate::LoadError;
 use crate::budget::Budget;
 use crate::error::Result;
-use crate::notes::Notes;
+use crate::notes::{Notes, cut};
 
 /// A material as the file states it. Colours are in 0..1 but for `ke`.
 #[derive(Clone, Debug, Default)]
@@ -68,7 +69,14 @@ pub(super) fn parse(
             let mtl = Mtl { file: file.into(), line: statement.line, ..Mtl::default() };
             found.push((statement.rest().to_owned(), mtl));
         } else if let Some((_, mtl)) = found.last_mut() {
-            mtl.statement(&statement, notes)?;
+            // A broken value leaves the default, as in the programs that write them.
+            match mtl.statement(&statement, notes) {
+                Err(LoadError::Invalid { problem, .. }) => {
+                    let element = format!("{} line {}", file.display(), statement.line);
+                    notes.repair(&format!("{} ignored: {problem}", cut(statement.keyword())), &element, 1);
+                }
+                done => done?,
+            }
         } else {
             let element = format!("{} line {}", file.display(), statement.line);
             notes.repair("statement before the first newmtl ignored", &element, 1);

@@ -25,11 +25,38 @@ pub(super) struct Textures<'a> {
     pub(super) budget: &'a Budget,
     /// `None` for pictures that are not read.
     by_path: HashMap<PathBuf, Option<u32>>,
+    /// Names that led to no file, by the folder of the file that states them; with the reason where there is one.
+    missing: HashMap<PathBuf, HashMap<String, Option<&'static str>>>,
 }
 
 impl<'a> Textures<'a> {
     pub(super) fn new(folder: &'a Folder, options: &'a LoadOptions, budget: &'a Budget) -> Self {
-        Self { images: Images::new(options), folder, options, budget, by_path: HashMap::new() }
+        Self {
+            images: Images::new(options),
+            folder,
+            options,
+            budget,
+            by_path: HashMap::new(),
+            missing: HashMap::new(),
+        }
+    }
+
+    /// As [`locate`]; what is missing is looked for once, since that goes through folders.
+    fn find(&mut self, file: &Path, name: &str) -> Found {
+        let beside = file.parent().unwrap_or(Path::new(""));
+        match self.missing.get(beside).and_then(|names| names.get(name)) {
+            Some(Some(reason)) => return Found::Outside(reason),
+            Some(None) => return Found::Nowhere,
+            None => {}
+        }
+        let found = locate(self.folder, file, name);
+        let reason = match &found {
+            Found::Nowhere => None,
+            Found::Outside(reason) => Some(*reason),
+            Found::AsNamed(_) | Found::Elsewhere(_) => return found,
+        };
+        self.missing.entry(beside.to_owned()).or_default().insert(name.to_owned(), reason);
+        found
     }
 
     /// The texture of a statement in `file`; `None` where it cannot be read (noted).
@@ -42,7 +69,7 @@ impl<'a> Textures<'a> {
         let Some(map) = map else { return Ok(None) };
         let element = format!("{} line {}", file.display(), map.line);
         let shown = format!("{element}: {}", map.name);
-        let found = match locate(self.folder, file, &map.name) {
+        let found = match self.find(file, &map.name) {
             Found::AsNamed(path) => path,
             Found::Elsewhere(path) => {
                 notes.repair("texture found by its name alone", &shown, 1);

@@ -66,10 +66,26 @@ fn primitives_that_differ_in_colours_alone_do_not_share_a_mesh() {
 }
 
 #[test]
+fn integer_colours_that_do_not_say_normalized_are_normalised() {
+    for (component, bytes) in
+        [(5121, [255, 0, 51, 255].repeat(4)), (5123, [255, 255, 0, 0, 51, 51, 255, 255].repeat(4))]
+    {
+        let scene = load_changed(|json, bin| {
+            let index = accessor(json, bin, &bytes, component, "VEC4");
+            json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = index.into();
+        })
+        .unwrap();
+        check(&scene);
+        assert_eq!(scene.meshes[0].colors.as_ref().unwrap()[0], [1.0, 0.0, 0.2, 1.0]);
+        assert_eq!(repaired(&scene, "taken as normalised"), 1);
+    }
+}
+
+#[test]
 fn colours_that_cannot_be_are_refused() {
     for (component, kind, normalized, part) in [
         (5126, "VEC2", false, "accessors[4].type"),
-        (5121, "VEC4", false, "accessors[4].componentType"),
+        (5125, "VEC4", false, "accessors[4].componentType"),
         (5122, "VEC4", true, "accessors[4].componentType"),
     ] {
         let result = load_changed(|json, bin| {
@@ -176,5 +192,5 @@ fn scenes_are_chosen_by_name() {
         load_glb_bytes("test.glb", &glb(&json, &bin), &options)
     };
     assert_eq!(load("Night").unwrap().objects[0].name, "B");
-    assert_refused(load("Day"), "no such name", "test.glb", &["\"Day\"", "0, 1 \"Night\"", "choose"]);
+    assert_refused(load("Day"), "no such name", "test.glb", &["\"Day\"", "#0, #1 \"Night\"", "choose"]);
 }

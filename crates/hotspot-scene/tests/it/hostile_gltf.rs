@@ -410,7 +410,7 @@ fn limits_are_kept() {
         ("memory", LoadOptions { max_memory_bytes: 2000, ..Default::default() }, "memory limit"),
         ("nodes", LoadOptions { max_nodes: 0, ..Default::default() }, "1 nodes"),
         ("instances", LoadOptions { max_instances: 0, ..Default::default() }, "more than 0"),
-        ("scene", LoadOptions { scene: Some(SceneChoice::Index(3)), ..Default::default() }, "scene 3"),
+        ("scene", LoadOptions { scene: Some(SceneChoice::Index(3)), ..Default::default() }, "scene #3"),
     ];
     for (case, options, part) in cases {
         assert_refused(load_glb_bytes("test.glb", &whole, &options), case, "test.glb", &[part]);

@@ -16,6 +16,7 @@ mod gltf_textures;
 mod gltf_vertices;
 mod hostile_files;
 mod hostile_gltf;
+mod hostile_products;
 mod images;
 mod obj_features;
 mod obj_geometry;

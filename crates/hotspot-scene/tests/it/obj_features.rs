@@ -209,18 +209,27 @@ fn mtl_textures_are_read_and_flipped() {
 }
 
 #[test]
-fn mtl_faults_name_the_mtl_file_and_line() {
+fn broken_mtl_statements_are_ignored_naming_file_and_line() {
     let text = format!("mtllib m.mtl\n{CORNERS}usemtl m\nf 1 2 3\n");
     for (statement, part) in [
         ("Kd red", "\"red\""),
-        ("Kd", "not a number"),
+        ("Kd", "no value"),
+        ("d -halo", "no value"),
         ("Ns nan", "finite"),
+        ("Ns 1.#QNAN", "finite"),
         ("Kd 1 inf 0", "finite"),
         ("map_Kd -clamp on", "no file"),
     ] {
-        let mtl = format!("newmtl m\n{statement}\n");
-        let result = load_files(&[("a.obj", text.as_bytes()), ("m.mtl", mtl.as_bytes())]);
-        assert_refused(result, statement, "m.mtl", &["line 2", part]);
+        let mtl = format!("newmtl m\n{statement}\nKe 3 3 3\n");
+        let scene = load_files(&[("a.obj", text.as_bytes()), ("m.mtl", mtl.as_bytes())]).unwrap();
+        check(&scene);
+        let [repair] = &scene.repairs[..] else { panic!("{statement}: {:?}", scene.repairs) };
+        assert_eq!((repair.element.as_str(), repair.count), ("m.mtl line 2", 1));
+        assert!(repair.what.contains("ignored") && repair.what.contains(part), "{statement}: {repair:?}");
+        // The rest of the material counts, beside the default.
+        let material = &scene.materials[0];
+        let Bsdf::Matte { reflectance } = &material.bsdf else { panic!("{statement}") };
+        assert_eq!((reflectance.factor, material.emission.factor), ([0.8; 3], [3.0; 3]), "{statement}");
     }
     let scene = with_mtl("Kd 2 -1 0\nbump a b.png\nTf 0.5 0.5 0.5\nKs spectral x.rfl\nmap_Ns a b.png");
     assert_eq!(repaired(&scene, "clamped"), 2);
