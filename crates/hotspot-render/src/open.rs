@@ -85,6 +85,14 @@ pub(crate) enum EnvArg {
 impl SceneArgs {
     /// Loads the file and sets the environment.
     pub(crate) fn load(&self) -> Result<Scene, Fail> {
+        let is_obj = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"));
+        if self.file.as_ref().is_some_and(is_obj)
+            && (self.scene.is_some() || self.variant.is_some() || self.time.is_some())
+        {
+            return Err(Fail::usage(
+                "--scene, --variant and --time choose among parts of a glTF file, and OBJ has none; leave them out",
+            ));
+        }
         let options = self.load_options();
         let mut scene = match &self.file {
             Some(path) => hotspot_scene::load(path, &options)?,

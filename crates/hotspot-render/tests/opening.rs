@@ -48,6 +48,9 @@ fn scenes_cameras_variants_and_times_are_chosen() {
     let (code, said, _) = open(&[&file, "--variant", "no such variant"]);
     assert!(code == Some(1) && said.contains("no such variant"), "{code:?} {said}");
 
+    let (code, said, _) = open(&[&feature("obj-features.obj"), "--time", "1"]);
+    assert!(code == Some(2) && said.contains("OBJ has none"), "{code:?} {said}");
+
     let file = feature("animation.gltf");
     let rest = digest(&[&file]);
     assert_ne!(rest, digest(&[&file, "--time", "0.7"]));
