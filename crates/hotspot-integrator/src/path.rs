@@ -159,9 +159,9 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
                     bounce: bounces,
                     sampler,
                     absorption,
+                    bsdf: &resolved,
+                    u: [directions[2], directions[3]],
                 },
-                &resolved,
-                [directions[2], directions[3]],
                 probe,
             );
             radiance += throughput * direct;
@@ -224,6 +224,9 @@ struct Vertex<'a> {
     sampler: &'a Sampler<'a>,
     /// Of the glass that it is in.
     absorption: Vec3,
+    bsdf: &'a Bsdf,
+    /// Two numbers to choose a light and a point on it.
+    u: [f32; 2],
 }
 
 /// The light-sampled half of direct light, weighted. Environment maps and punctual lights have a function of their own, so
@@ -234,14 +237,12 @@ fn direct_light<S: Simd, P: Probe, C: Class>(
     scene: &RenderScene,
     settings: &PathSettings,
     vertex: &Vertex<'_>,
-    bsdf: &Bsdf,
-    u: [f32; 2],
     probe: &mut P,
 ) -> Vec3 {
     if scene.lights.has_maps_or_points::<C>() {
-        sample_any_light::<S, P, C>(simd, scene, settings, vertex, bsdf, u, probe)
+        sample_any_light::<S, P, C>(simd, scene, settings, vertex, probe)
     } else {
-        sample_light::<S, P, C, false>(simd, scene, settings, vertex, bsdf, u, probe)
+        sample_light::<S, P, C, false>(simd, scene, settings, vertex, probe)
     }
 }
 
@@ -251,13 +252,11 @@ fn sample_any_light<S: Simd, P: Probe, C: Class>(
     scene: &RenderScene,
     settings: &PathSettings,
     vertex: &Vertex<'_>,
-    bsdf: &Bsdf,
-    u: [f32; 2],
     probe: &mut P,
 ) -> Vec3 {
     simd.vectorize(
         #[inline(always)]
-        || sample_light::<S, P, C, true>(simd, scene, settings, vertex, bsdf, u, probe),
+        || sample_light::<S, P, C, true>(simd, scene, settings, vertex, probe),
     )
 }
 
@@ -268,16 +267,14 @@ fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
     scene: &RenderScene,
     settings: &PathSettings,
     vertex: &Vertex<'_>,
-    bsdf: &Bsdf,
-    u: [f32; 2],
     probe: &mut P,
 ) -> Vec3 {
     let lights = &scene.lights;
-    let Some(light) = lights.sample::<P, C, ANY>(vertex.point.p, vertex.frame, u, probe) else {
+    let Some(light) = lights.sample::<P, C, ANY>(vertex.point.p, vertex.frame, vertex.u, probe) else {
         return Vec3::ZERO;
     };
     probe.bsdf(1);
-    let (f_cos, mut bsdf_pdf) = bsdf.eval(vertex.local_wo, vertex.frame.to_local(light.wi));
+    let (f_cos, mut bsdf_pdf) = vertex.bsdf.eval(vertex.local_wo, vertex.frame.to_local(light.wi));
     if f_cos == Vec3::ZERO {
         return Vec3::ZERO;
     }

@@ -2,7 +2,7 @@
 
 use crate::args::nearest;
 use crate::demo;
-use crate::fail::Fail;
+use crate::fail::{FAILED, Fail};
 use clap::{Args, ValueEnum};
 use hotspot_integrator::{BuildOptions, Instancing, Isa, PrepareOptions, Quality, RenderScene, frame_bounds};
 use hotspot_scene::{Camera, Environment, LoadOptions, Projection, Repair, Scene, SceneChoice};
@@ -155,6 +155,14 @@ impl SceneArgs {
             },
             max_memory_bytes: Some(self.max_memory.saturating_mul(1 << 20)),
         }
+    }
+
+    /// Makes the scene ready, and names the file where it cannot.
+    pub(crate) fn prepare(&self, scene: &Scene) -> Result<RenderScene, Fail> {
+        RenderScene::prepare(scene, self.prepare_options()).map_err(|error| {
+            let file = self.file.as_ref().map_or("demo.glb".into(), |path| path.to_string_lossy());
+            Fail::new(FAILED, format!("{file}: {error}"))
+        })
     }
 
     /// The camera asked for, the file's first, or one that frames the scene (with a note).

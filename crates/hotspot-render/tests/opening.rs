@@ -89,6 +89,11 @@ fn meshes_are_stored_once_or_copied() {
     let count = |json: &serde_json::Value, key: &str| json["totals"][key]["sum"].as_u64();
     assert_eq!(count(&copies, "instances"), Some(0));
     assert!(count(&once, "instances") > Some(0));
+    let (code, said, _) = open(&[&file, "--max-memory", "1"]);
+    assert!(
+        code == Some(1) && said.contains("instances.gltf: ") && said.contains("limit of 1 MiB"),
+        "{code:?} {said}"
+    );
     let bytes = |json: &serde_json::Value| json["memory"]["geometry"].as_u64().expect("a size");
     assert!(4 * bytes(&once) < bytes(&copies), "{} {}", bytes(&once), bytes(&copies));
 }

@@ -45,7 +45,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
         .num_threads(args.threads.unwrap_or(0) as usize)
         .build()
         .map_err(|e| Fail::new(FAILED, format!("cannot start the worker threads: {e}; try --threads 1")))?;
-    let prepared = RenderScene::prepare(&scene, args.open.prepare_options())?;
+    let prepared = args.open.prepare(&scene)?;
     let (camera, camera_note) = args.open.choose_camera(&scene, &prepared)?;
     let (width, height) =
         args.size.unwrap_or_else(|| default_size(&camera, if args.open.demo { 640.0 } else { 960.0 }));
