@@ -2,9 +2,10 @@
 
 use crate::fail::Fail;
 use crate::open::SceneArgs;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use hotspot_cost::maps::{ColorMap, Exposure, Scale};
 use hotspot_cost::{CostModel, MetricSet};
+use hotspot_integrator::SamplerKind;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -45,26 +46,32 @@ pub(crate) enum Command {
     Report(ReportArgs),
 }
 
-const COMMANDS: [&str; 4] = ["render", "compare", "report", "help"];
+/// The names of the commands, `help` last.
+fn command_names() -> Vec<String> {
+    let command = Cli::command();
+    let names = command.get_subcommands().map(|c| c.get_name().to_owned());
+    names.filter(|name| name != "help").chain(["help".to_owned()]).collect()
+}
 
 /// Inserts `render` where no command is named, and answers mistyped commands.
 pub(crate) fn with_default_command(mut words: Vec<OsString>) -> Result<Vec<OsString>, Fail> {
     let Some(first) = words.get(1) else { return Ok(words) };
     let text = first.to_string_lossy().into_owned();
+    let commands = command_names();
     let global = ["-h", "--help", "-V", "--version"];
-    if COMMANDS.contains(&text.as_str()) || (global.contains(&text.as_str()) && words.len() == 2) {
+    if commands.contains(&text) || (global.contains(&text.as_str()) && words.len() == 2) {
         return Ok(words);
     }
     let is_file = std::path::Path::new(first).exists() || text.contains(['.', '/', '\\']);
     if !text.starts_with('-') && !is_file {
-        let near = nearest(&text, COMMANDS.iter().copied());
+        let near = nearest(&text, commands.iter().map(String::as_str));
         return Err(Fail::usage(match near {
             Some(near) => {
                 format!("there is no command or scene file named \"{text}\"; did you mean \"{near}\"?")
             }
             None => format!(
                 "there is no command or scene file named \"{text}\"; commands are {}, anything else is a scene file",
-                COMMANDS.join(", ")
+                commands.join(", ")
             ),
         }));
     }
@@ -91,30 +98,14 @@ pub(crate) struct RenderArgs {
     /// Folder for the outputs
     #[arg(short, long, value_name = "DIR", default_value = "hotspot-out")]
     pub(crate) output: PathBuf,
-    /// Size in pixels [default: 960 on the long edge, at the camera's aspect; 640 for --demo]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    pub(crate) size: Option<(u32, u32)>,
+    #[command(flatten)]
+    pub(crate) film: FilmArgs,
     /// Camera samples per pixel [default: 64; 32 for --demo]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) spp: Option<u32>,
     /// Count the cost on the first K samples of each pixel only; the rest run uninstrumented
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) cost_spp: Option<u32>,
-    /// Most scattering events of a path: 0 shows emitters only, 1 adds direct light
-    #[arg(long, value_name = "N", default_value_t = 15)]
-    pub(crate) max_depth: u32,
-    /// Surface vertex (from 0) at which Russian roulette begins, or "off"
-    #[arg(long, value_name = "N|off", default_value = "4", value_parser = parse_roulette)]
-    pub(crate) roulette: Roulette,
-    /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(crate) seed: u64,
-    /// Sample points
-    #[arg(long, value_enum, default_value_t = SamplerArg::Sobol)]
-    pub(crate) sampler: SamplerArg,
-    /// Worker threads [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
-    pub(crate) threads: Option<u32>,
     /// Keep two independent halves of the samples, for confidence intervals
     #[arg(long)]
     pub(crate) intervals: bool,
@@ -140,6 +131,29 @@ pub(crate) struct RenderArgs {
     pub(crate) views: ViewArgs,
     #[command(flatten)]
     pub(crate) talk: TalkArgs,
+}
+
+/// The film and the paths that end on it.
+#[derive(Debug, Args)]
+pub(crate) struct FilmArgs {
+    /// Size in pixels [default: 960 on the long edge, at the camera's aspect; 640 for --demo]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub(crate) size: Option<(u32, u32)>,
+    /// Most scattering events of a path: 0 shows emitters only, 1 adds direct light
+    #[arg(long, value_name = "N", default_value_t = 15)]
+    pub(crate) max_depth: u32,
+    /// Surface vertex (from 0) at which Russian roulette begins, or "off"
+    #[arg(long, value_name = "N|off", default_value = "4", value_parser = parse_roulette)]
+    pub(crate) roulette: Roulette,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Sample points
+    #[arg(long, value_enum, default_value_t = SamplerArg::Sobol)]
+    pub(crate) sampler: SamplerArg,
+    /// Worker threads [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) threads: Option<u32>,
 }
 
 /// How pictures are drawn.
@@ -217,6 +231,15 @@ pub(crate) enum SamplerArg {
     Sobol,
     /// Independent random numbers, for comparison
     Independent,
+}
+
+impl SamplerArg {
+    pub(crate) const fn kind(self) -> SamplerKind {
+        match self {
+            Self::Sobol => SamplerKind::Sobol,
+            Self::Independent => SamplerKind::Independent,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -349,7 +372,6 @@ mod tests {
 
     #[test]
     fn the_command_line_is_consistent() {
-        use clap::CommandFactory;
         Cli::command().debug_assert();
     }
 

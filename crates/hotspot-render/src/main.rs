@@ -5,11 +5,13 @@ mod args;
 mod commands;
 mod demo;
 mod fail;
+mod interrupt;
 mod memory;
 mod open;
 mod output;
 mod progress;
 mod say;
+mod stage;
 
 use args::{Cli, Command};
 use clap::Parser;

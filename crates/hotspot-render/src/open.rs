@@ -282,6 +282,18 @@ mod tests {
     use super::*;
 
     #[test]
+    fn sizes_follow_the_camera() {
+        let camera = |aspect| Camera {
+            name: String::new(),
+            to_world: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+            projection: Projection::Perspective { yfov: 1.0, aspect },
+        };
+        assert_eq!(default_size(&camera(Some(16.0 / 9.0)), 960.0), (960, 540));
+        assert_eq!(default_size(&camera(Some(0.5)), 960.0), (480, 960));
+        assert_eq!(default_size(&camera(None), 960.0), (960, 640));
+    }
+
+    #[test]
     fn environments_are_radiances_or_files() {
         assert_eq!(parse_env("1,2,3"), Ok(EnvArg::Constant([1.0, 2.0, 3.0])));
         assert_eq!(parse_env("sky.hdr"), Ok(EnvArg::File("sky.hdr".into())));

@@ -1,19 +1,20 @@
 //! `render`: a scene in, a picture and what it cost out.
 
-use crate::args::{LayersArg, RenderArgs, SamplerArg};
-use crate::fail::{FAILED, Fail, INTERRUPTED};
+use crate::args::{LayersArg, RenderArgs};
+use crate::fail::{Fail, INTERRUPTED};
+use crate::interrupt;
 use crate::memory;
-use crate::open::default_size;
 use crate::output::{Output, Writer};
 use crate::progress::Talker;
-use hotspot_cost::document::{Note, Tree};
+use crate::stage::Stage;
+use hotspot_cost::document::Note;
 use hotspot_cost::exr_io::Header;
 use hotspot_cost::{Document, LayerOptions, Layers, Metric, hotspots};
-use hotspot_integrator::{Control, Gather, RenderScene, Rendered, SamplerKind, Settings, Stop, render};
-use hotspot_scene::{Camera, Environment, Projection, Repair, Scene};
+use hotspot_integrator::{Control, Gather, RenderScene, Rendered, Settings, Stop};
+use hotspot_scene::{Camera, Projection};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Most hotspots that are reported.
@@ -41,34 +42,18 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
             "note: --intervals: sample counts are rounded up to even, so that both halves have as many",
         );
     }
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(args.threads.unwrap_or(0) as usize)
-        .build()
-        .map_err(|e| Fail::new(FAILED, format!("cannot start the worker threads: {e}; try --threads 1")))?;
-    let prepared = args.open.prepare(&scene)?;
-    let (camera, camera_note) = args.open.choose_camera(&scene, &prepared)?;
-    let (width, height) =
-        args.size.unwrap_or_else(|| default_size(&camera, if args.open.demo { 640.0 } else { 960.0 }));
-    check_memory(width, height, args)?;
-    let settings = settings(args, width, height, metrics)?;
-    let mut repairs: Vec<Repair> = scene.repairs.iter().chain(prepared.repairs()).cloned().collect();
-    repairs.extend(camera_note);
-    announce(&talker, &scene, &prepared, &repairs);
-    let unmodelled: Vec<Note> = scene
-        .unmodelled
-        .iter()
-        .map(|u| Note { what: format!("{}: {}", u.feature, u.effect), element: u.element.clone(), count: 1 })
-        .collect();
-    let scene_name = scene.name.clone();
-    // Meshes and textures live on in the prepared scene.
+    let mut stage = Stage::new(&scene, &args.open, &args.film)?;
+    stage.load_seconds = load_seconds;
     drop(scene);
+    stage.check_memory(args.intervals, 1)?;
+    let settings = settings(args, &stage, metrics)?;
+    stage.announce(&talker);
 
-    let cancel = interrupt_flag();
-    let rendered = pool.install(|| {
-        let progress = |p| talker.progress(p);
-        render(&prepared, &camera, &settings, Control { cancel: Some(cancel), progress: Some(&progress) })
-    });
+    let cancel = interrupt::flag();
+    let progress = |p| talker.progress(p);
+    let rendered = stage.render(&settings, Control { cancel: Some(cancel), progress: Some(&progress) });
     talker.finish();
+    let prepared = &stage.prepared;
 
     let options = LayerOptions {
         model: args.cost_model(),
@@ -80,39 +65,18 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     let layers = Layers::from_frame(&rendered.frame, &options);
     let objects =
         if rendered.frame.desc().cost { hotspots::first_objects(&rendered.frame) } else { Vec::new() };
-    let mut document = Document::of_frame(&rendered.frame, &options);
-    document.generator = format!("hotspot-render {}", env!("CARGO_PKG_VERSION"));
-    document.scene = scene_name.clone();
-    document.command = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
-    document.settings = described_settings(args, &settings, &camera);
-    document.render.seconds = rendered.seconds;
-    document.render.load_seconds = load_seconds;
-    document.render.build_seconds = prepared.build_seconds();
-    document.render.threads = rendered.threads as u32;
-    document.render.kernel = rendered.kernel.clone();
-    document.tree = Tree {
-        builder: format!("obvhs ploc {}", args.open.prepare_options().tree.quality.name()),
-        width: hotspot_bvh::WIDTH,
-        nodes: prepared.bvh().node_count() as u64,
-        triangles: prepared.triangle_count() as u64,
-    };
-    let held = prepared.memory();
-    document.memory.geometry = held.geometry;
-    document.memory.bvh = held.bvh;
-    document.memory.textures = held.textures;
-    document.unmodelled = unmodelled;
-    document.repairs =
-        repairs.into_iter().map(|r| Note { what: r.what, element: r.element, count: r.count }).collect();
+    let mut document = stage.document(&rendered, &options);
+    document.settings = described_settings(args, &stage, &settings);
     note_non_finite(&talker, &rendered, &mut document);
     if settings.gather.cost {
-        document.hotspots = find_hotspots(args, &settings, &rendered, &layers, &objects, &prepared);
+        document.hotspots = find_hotspots(args, &settings, &rendered, &layers, &objects, prepared);
         document.verdict = hotspots::verdict(&document.hotspots);
     }
     document.memory.peak = memory::peak();
 
-    let header = header(&camera, width, height, &rendered, &document);
+    let header = header(&stage.camera, (settings.width, settings.height), &rendered, &document);
     let page = writer.render(Output {
-        stem: &scene_name,
+        stem: &stage.name,
         layers: &layers,
         document: &mut document,
         header,
@@ -153,27 +117,9 @@ fn find_hotspots(
     hotspots::of_layers(layers, metric, objects, prepared.objects(), HOTSPOTS)
 }
 
-/// Refuses frames that would not fit, before anything is allocated.
-fn check_memory(width: u32, height: u32, args: &RenderArgs) -> Result<(), Fail> {
-    let halves = 1 + u64::from(args.intervals);
-    // Sums in f64 and u64, then planes in f32, then the EXR writer's copy: about 800 bytes per pixel and half.
-    let bytes = u64::from(width) * u64::from(height) * 800 * halves;
-    let limit = args.open.max_memory.saturating_mul(1 << 20);
-    if bytes > limit {
-        return Err(Fail::usage(format!(
-            "{width} x {height} pixels with every layer need about {} MiB, more than --max-memory {}; \
-             make the picture smaller or raise the limit",
-            bytes >> 20,
-            args.open.max_memory
-        )));
-    }
-    Ok(())
-}
-
 fn settings(
     args: &RenderArgs,
-    width: u32,
-    height: u32,
+    stage: &Stage<'_>,
     metrics: hotspot_cost::MetricSet,
 ) -> Result<Settings, Fail> {
     if args.intervals && args.samples() < 2 {
@@ -181,17 +127,10 @@ fn settings(
     }
     let time = metrics.contains(Metric::TimeUs);
     let counts = metrics.iter().any(|m| m != Metric::TimeUs) || metrics.ledgers();
-    let mut settings = Settings::new(width, height);
+    let mut settings = stage.settings();
     settings.spp = args.samples();
     settings.cost_spp = args.cost_spp;
-    settings.max_depth = args.max_depth;
-    settings.seed = args.seed;
     settings.intervals = args.intervals;
-    settings.sampler = match args.sampler {
-        SamplerArg::Sobol => SamplerKind::Sobol,
-        SamplerArg::Independent => SamplerKind::Independent,
-    };
-    settings.roulette_from = args.roulette.0;
     settings.gather = Gather {
         radiance: !args.no_radiance,
         cost: counts,
@@ -202,84 +141,11 @@ fn settings(
     Ok(settings)
 }
 
-/// What shines, in words.
-fn lights(scene: &Scene, prepared: &RenderScene) -> String {
-    let mut words = vec![format!("{} emissive triangles", prepared.light_count())];
-    if prepared.punctual_light_count() > 0 {
-        words.push(format!("{} punctual lights", prepared.punctual_light_count()));
-    }
-    match &scene.environment {
-        Some(Environment::Map(map)) => words.push(format!("environment \"{}\"", map.name)),
-        Some(Environment::Constant(_)) => words.push("a constant environment".into()),
-        None => {}
-    }
-    words.join(", ")
-}
-
-/// Says what is about to be rendered and what of the file will not be seen as its author meant it.
-fn announce(talker: &Talker, scene: &Scene, prepared: &RenderScene, repairs: &[Repair]) {
-    talker.say(&format!(
-        "{}: {} triangles{} in {} objects, {}, tree built in {:.2} s",
-        scene.name,
-        prepared.placed_triangle_count(),
-        match prepared.instance_count() {
-            0 => String::new(),
-            count => format!(" ({} stored, {count} instances)", prepared.triangle_count()),
-        },
-        prepared.objects().len(),
-        lights(scene, prepared),
-        prepared.build_seconds()
-    ));
-    let unmodelled = &scene.unmodelled;
-    for u in unmodelled.iter().take(8) {
-        talker.say(&format!("not modelled: {} in {}: {}", u.feature, u.element, u.effect));
-    }
-    if unmodelled.len() > 8 {
-        talker.say(&format!("… and {} more, listed in the JSON and the report", unmodelled.len() - 8));
-    }
-    for r in repairs.iter().take(8) {
-        let times = if r.count > 1 { format!(" ({} times)", r.count) } else { String::new() };
-        talker.say(&format!("note: {}: {}{times}", r.element, r.what));
-    }
-    if repairs.len() > 8 {
-        talker.say(&format!("… and {} more notes, listed in the JSON and the report", repairs.len() - 8));
-    }
-}
-
-/// Set by the first Ctrl-C; the second ends the process at once.
-fn interrupt_flag() -> &'static AtomicBool {
-    static CANCEL: AtomicBool = AtomicBool::new(false);
-    // Without a handler Ctrl-C simply ends the process, which is acceptable.
-    let _ = ctrlc::set_handler(|| {
-        if CANCEL.swap(true, Ordering::SeqCst) {
-            std::process::exit(i32::from(INTERRUPTED));
-        }
-        crate::say::err!("interrupted: finishing this wave and saving (again to end at once)");
-    });
-    &CANCEL
-}
-
-fn described_settings(
-    args: &RenderArgs,
-    settings: &Settings,
-    camera: &Camera,
-) -> std::collections::BTreeMap<String, Value> {
-    let mut map = std::collections::BTreeMap::new();
+fn described_settings(args: &RenderArgs, stage: &Stage<'_>, settings: &Settings) -> BTreeMap<String, Value> {
+    let mut map = stage.described(settings);
     let mut put = |name: &str, value: Value| map.insert(name.to_owned(), value);
-    put("spp", json!(settings.spp));
-    put("cost-spp", json!(settings.cost_spp));
-    put("max-depth", json!(settings.max_depth));
-    put("roulette", settings.roulette_from.map_or(json!("off"), |from| json!(from)));
-    put("seed", json!(settings.seed));
-    put("sampler", json!(settings.sampler.name()));
-    put("intervals", json!(settings.intervals));
-    put("camera", json!(camera.name));
-    for (name, value) in args.open.described() {
-        put(name, value);
-    }
     put("metrics", json!(args.metrics));
     put("no-radiance", json!(args.no_radiance));
-    put("trace-shadow-rays", json!(settings.gather.trace_shadow_rays));
     put("c0", json!(args.c0));
     put("c1", json!(args.c1));
     put("time-limit", json!(args.time_limit));
@@ -306,7 +172,7 @@ fn note_non_finite(talker: &Talker, rendered: &Rendered, document: &mut Document
     });
 }
 
-fn header(camera: &Camera, width: u32, height: u32, rendered: &Rendered, document: &Document) -> Header {
+fn header(camera: &Camera, (width, height): (u32, u32), rendered: &Rendered, document: &Document) -> Header {
     let (world_to_camera, world_to_ndc) = matrices(camera, f64::from(width) / f64::from(height));
     Header {
         samples_per_pixel: Some(rendered.samples),
@@ -426,18 +292,6 @@ fn finish(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn sizes_follow_the_camera() {
-        let camera = |aspect| Camera {
-            name: String::new(),
-            to_world: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-            projection: Projection::Perspective { yfov: 1.0, aspect },
-        };
-        assert_eq!(default_size(&camera(Some(16.0 / 9.0)), 960.0), (960, 540));
-        assert_eq!(default_size(&camera(Some(0.5)), 960.0), (480, 960));
-        assert_eq!(default_size(&camera(None), 960.0), (960, 640));
-    }
 
     #[test]
     fn a_point_in_the_middle_of_the_view_is_at_the_origin_of_ndc() {

@@ -1,0 +1,197 @@
+//! A scene on stage: opened, prepared, seen from its camera, with the threads that will render it. What every command that
+//! renders has in common.
+
+use crate::args::FilmArgs;
+use crate::fail::{FAILED, Fail};
+use crate::memory;
+use crate::open::{SceneArgs, default_size};
+use crate::progress::Talker;
+use hotspot_cost::document::{Note, Tree};
+use hotspot_cost::{Document, LayerOptions};
+use hotspot_integrator::{Control, RenderScene, Rendered, Settings, render};
+use hotspot_scene::{Camera, Environment, Repair, Scene};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+/// A scene ready to be rendered any number of times.
+pub(crate) struct Stage<'a> {
+    pub(crate) name: String,
+    pub(crate) prepared: RenderScene,
+    pub(crate) camera: Camera,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// What the file uses and we do not model.
+    pub(crate) unmodelled: Vec<Note>,
+    /// What was mended in it.
+    pub(crate) repairs: Vec<Note>,
+    /// Seconds that the caller spent on loading the scene.
+    pub(crate) load_seconds: f64,
+    lights: String,
+    open: &'a SceneArgs,
+    film: &'a FilmArgs,
+    pool: rayon::ThreadPool,
+}
+
+impl<'a> Stage<'a> {
+    /// Prepares a scene; the caller may drop it then, since meshes and textures live on in here.
+    pub(crate) fn new(scene: &Scene, open: &'a SceneArgs, film: &'a FilmArgs) -> Result<Self, Fail> {
+        let pool =
+            rayon::ThreadPoolBuilder::new().num_threads(film.threads.unwrap_or(0) as usize).build().map_err(
+                |e| Fail::new(FAILED, format!("cannot start the worker threads: {e}; try --threads 1")),
+            )?;
+        let prepared = open.prepare(scene)?;
+        let (camera, camera_note) = open.choose_camera(scene, &prepared)?;
+        let long_edge = if open.demo { 640.0 } else { 960.0 };
+        let (width, height) = film.size.unwrap_or_else(|| default_size(&camera, long_edge));
+        let repairs = scene.repairs.iter().chain(prepared.repairs()).chain(&camera_note);
+        let note = |r: &Repair| Note { what: r.what.clone(), element: r.element.clone(), count: r.count };
+        Ok(Self {
+            name: scene.name.clone(),
+            width,
+            height,
+            unmodelled: scene
+                .unmodelled
+                .iter()
+                .map(|u| Note {
+                    what: format!("{}: {}", u.feature, u.effect),
+                    element: u.element.clone(),
+                    count: 1,
+                })
+                .collect(),
+            repairs: repairs.map(note).collect(),
+            load_seconds: 0.0,
+            lights: lights(scene, &prepared),
+            prepared,
+            camera,
+            open,
+            film,
+            pool,
+        })
+    }
+
+    /// Size, depth, roulette, seed and sampler as asked for; the rest is the default.
+    pub(crate) fn settings(&self) -> Settings {
+        let mut settings = Settings::new(self.width, self.height);
+        settings.max_depth = self.film.max_depth;
+        settings.seed = self.film.seed;
+        settings.sampler = self.film.sampler.kind();
+        settings.roulette_from = self.film.roulette.0;
+        settings
+    }
+
+    /// Renders on the stage's own threads.
+    pub(crate) fn render(&self, settings: &Settings, control: Control<'_>) -> Rendered {
+        self.pool.install(|| render(&self.prepared, &self.camera, settings, control))
+    }
+
+    /// Refuses frames that would not fit, before anything is allocated. `frames`: how many are held at once.
+    pub(crate) fn check_memory(&self, intervals: bool, frames: u64) -> Result<(), Fail> {
+        let (width, height, limit) = (self.width, self.height, self.open.max_memory);
+        // Sums in f64 and u64, then planes in f32, then the EXR writer's copy: about 800 bytes per pixel and half.
+        let bytes =
+            (u64::from(width) * u64::from(height) * 800 * (1 + u64::from(intervals))).saturating_mul(frames);
+        if bytes > limit.saturating_mul(1 << 20) {
+            return Err(Fail::usage(format!(
+                "{width} x {height} pixels with every layer need about {} MiB, more than --max-memory {limit}; \
+                 make the picture smaller or raise the limit",
+                bytes >> 20,
+            )));
+        }
+        Ok(())
+    }
+
+    /// Says what is about to be rendered and what of the file will not be seen as its author meant it.
+    pub(crate) fn announce(&self, talker: &Talker) {
+        let prepared = &self.prepared;
+        talker.say(&format!(
+            "{}: {} triangles{} in {} objects, {}, tree built in {:.2} s",
+            self.name,
+            prepared.placed_triangle_count(),
+            match prepared.instance_count() {
+                0 => String::new(),
+                count => format!(" ({} stored, {count} instances)", prepared.triangle_count()),
+            },
+            prepared.objects().len(),
+            self.lights,
+            prepared.build_seconds()
+        ));
+        for u in self.unmodelled.iter().take(8) {
+            talker.say(&format!("not modelled: {} ({})", u.what, u.element));
+        }
+        if self.unmodelled.len() > 8 {
+            talker
+                .say(&format!("… and {} more, listed in the JSON and the report", self.unmodelled.len() - 8));
+        }
+        for r in self.repairs.iter().take(8) {
+            let times = if r.count > 1 { format!(" ({} times)", r.count) } else { String::new() };
+            talker.say(&format!("note: {}: {}{times}", r.element, r.what));
+        }
+        if self.repairs.len() > 8 {
+            talker.say(&format!(
+                "… and {} more notes, listed in the JSON and the report",
+                self.repairs.len() - 8
+            ));
+        }
+    }
+
+    /// The document of a render on this stage. Settings and hotspots are the caller's to add.
+    pub(crate) fn document(&self, rendered: &Rendered, options: &LayerOptions) -> Document {
+        let prepared = &self.prepared;
+        let held = prepared.memory();
+        let mut document = Document::of_frame(&rendered.frame, options);
+        document.generator = format!("hotspot-render {}", env!("CARGO_PKG_VERSION"));
+        document.scene.clone_from(&self.name);
+        document.command = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+        document.render.seconds = rendered.seconds;
+        document.render.load_seconds = self.load_seconds;
+        document.render.build_seconds = prepared.build_seconds();
+        document.render.threads = rendered.threads as u32;
+        document.render.kernel.clone_from(&rendered.kernel);
+        document.tree = Tree {
+            builder: format!("obvhs ploc {}", self.open.prepare_options().tree.quality.name()),
+            width: hotspot_bvh::WIDTH,
+            nodes: prepared.bvh().node_count() as u64,
+            triangles: prepared.triangle_count() as u64,
+        };
+        document.memory.geometry = held.geometry;
+        document.memory.bvh = held.bvh;
+        document.memory.textures = held.textures;
+        document.memory.peak = memory::peak();
+        document.unmodelled.clone_from(&self.unmodelled);
+        document.repairs.clone_from(&self.repairs);
+        document
+    }
+
+    /// The choices that make the picture, for the settings in the outputs.
+    pub(crate) fn described(&self, settings: &Settings) -> BTreeMap<String, Value> {
+        let mut map = BTreeMap::new();
+        let mut put = |name: &str, value: Value| map.insert(name.to_owned(), value);
+        put("spp", json!(settings.spp));
+        put("cost-spp", json!(settings.cost_spp));
+        put("max-depth", json!(settings.max_depth));
+        put("roulette", settings.roulette_from.map_or(json!("off"), |from| json!(from)));
+        put("seed", json!(settings.seed));
+        put("sampler", json!(settings.sampler.name()));
+        put("intervals", json!(settings.intervals));
+        put("camera", json!(self.camera.name));
+        put("trace-shadow-rays", json!(settings.gather.trace_shadow_rays));
+        for (name, value) in self.open.described() {
+            put(name, value);
+        }
+        map
+    }
+}
+
+/// What shines, in words.
+fn lights(scene: &Scene, prepared: &RenderScene) -> String {
+    let mut words = vec![format!("{} emissive triangles", prepared.light_count())];
+    if prepared.punctual_light_count() > 0 {
+        words.push(format!("{} punctual lights", prepared.punctual_light_count()));
+    }
+    match &scene.environment {
+        Some(Environment::Map(map)) => words.push(format!("environment \"{}\"", map.name)),
+        Some(Environment::Constant(_)) => words.push("a constant environment".into()),
+        None => {}
+    }
+    words.join(", ")
+}
