@@ -37,17 +37,21 @@ function showSides() {
     $(heat).hidden = !maps;
   }
   if (maps) {
-    paint($("heatA"), layer.a, layer.heat);
-    paint($("heatB"), layer.a.map((a, i) => a + layer.values[i]), layer.heat);
+    const heat = { ...layer.heat, map: colors ?? layer.heat.map, log: logarithmic };
+    paint($("heatA"), layer.a, heat);
+    paint($("heatB"), layer.a.map((a, i) => a + layer.values[i]), heat);
   }
   $("sides").textContent = maps ? `A | B: ${layer.label}` : "A | B";
 }
 
+// The seam stands at this share of the frame, whatever the zoom; B is cut at what lies there of the picture.
 function wipe(percentOfA) {
   $("wipe").value = String(percentOfA);
-  for (const id of ["beautyB", "heatB"]) if ($(id)) $(id).style.clipPath = `inset(0 0 0 ${percentOfA}%)`;
+  const cut = (zoom.x + percentOfA / 100 / zoom.scale) * 100;
+  for (const id of ["beautyB", "heatB"]) if ($(id)) $(id).style.clipPath = `inset(0 0 0 ${cut}%)`;
   $("seam").style.left = `${percentOfA}%`;
 }
+zoom.changed = () => wipe(Number($("wipe").value));
 
 function flicker() {
   cycle = (cycle + 1) % 3;
@@ -60,9 +64,9 @@ function choose(index) {
   current = index;
   mark(index);
   const layer = data.maps[index];
-  paint($("heat"), layer.values, layer.scale, layer.clear);
-  drawLegend(titleOf(layer, ", B − A"), layer.scale);
-  if (layer.clear) $("legend").append(make("div", "", "grey: not significant"));
+  const repaint = () => paint($("heat"), layer.values, scaleOf(layer, layer.scale), layer.clear);
+  repaint();
+  drawLegend(titleOf(layer, ", B − A"), layer, layer.scale, repaint, layer.clear ? ["grey: not significant"] : []);
   showSides();
   moveTo(position.x, position.y);
 }
@@ -89,5 +93,5 @@ start(async () => {
   };
   $("kind").addEventListener("click", toggle);
   $("flicker").addEventListener("click", flicker);
-  onKeys({ map: choose, p: toggle, f: flicker });
+  onKeys({ map: choose, p: toggle, f: flicker, r: () => $("reset")?.click() });
 });

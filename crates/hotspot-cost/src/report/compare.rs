@@ -71,7 +71,7 @@ fn data(input: &CompareInput<'_>, width: u32, height: u32) -> Value {
     json!({
         "width": width,
         "height": height,
-        "tables": layers::tables(shown.iter().map(|l| l.map).chain([ColorMap::RedBlue])),
+        "tables": layers::tables(),
         "maps": maps,
     })
 }

@@ -48,9 +48,9 @@ pub(super) fn picture(image: &RgbImage) -> Option<String> {
     Some(format!("data:image/png;base64,{}", STANDARD.encode(png)))
 }
 
-/// The colour tables that are used, by name.
-pub(super) fn tables(maps: impl IntoIterator<Item = ColorMap>) -> Value {
-    let tables: Map<String, Value> = maps
+/// All colour tables, by name: the reader may choose another.
+pub(super) fn tables() -> Value {
+    let tables: Map<String, Value> = ColorMap::ALL
         .into_iter()
         .map(|map| (map.name().to_owned(), json!(STANDARD.encode(map.lut(STEPS).concat()))))
         .collect();

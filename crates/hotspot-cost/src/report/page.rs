@@ -59,7 +59,7 @@ pub(super) fn shell(title: &str, size: (u32, u32), body: &str, data: &Value, scr
             ("aspect", &aspect),
             ("body", body),
             ("data", &escape::script_json(data)),
-            ("js", &[include_str!("viewer.js"), script].concat()),
+            ("js", &[include_str!("viewer.js"), include_str!("zoom.js"), include_str!("range.js"), script].concat()),
         ],
     )
 }
@@ -96,7 +96,7 @@ fn data(input: &ReportInput<'_>, width: u32, height: u32) -> (Value, [layers::Gr
     let value = json!({
         "width": width,
         "height": height,
-        "tables": layers::tables(input.maps.iter().map(|m| m.map)),
+        "tables": layers::tables(),
         "maps": maps,
         "objects": input.objects.as_ref().map(|o| layers::objects(width, height, o)),
         "hotspots": boxes,

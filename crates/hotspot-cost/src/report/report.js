@@ -1,7 +1,10 @@
 // The page of one render.
 
 let current = 0;
-let objects = null;
+// Per pixel: what the camera sees first, as indices into the names of `data.objects` and `data.materials`.
+const groups = {};
+// Per pixel: 0, or the rank of the hotspot that it belongs to.
+let spots = null;
 let allOpen = false;
 
 function bigOf(layer, value) {
@@ -48,7 +51,7 @@ function readOut(at) {
   const shown = new Set([0, 1, 2].filter((i) => i < data.maps.length));
   if (!shown.has(current)) shown.add(current);
   for (const index of shown) cells.append(cellOf(index, at));
-  const parts = [whereLine(objects ? data.objects.names[objects[at]] : undefined), cells];
+  const parts = [whereLine(...["objects", "materials"].filter((kind) => groups[kind]).map((kind) => data[kind].names[groups[kind][at]])), cells];
   if (data.maps.length > 3) {
     const all = make("details", "all");
     all.open = allOpen;
@@ -96,8 +99,9 @@ function choose(index) {
   current = index;
   mark(index);
   const layer = data.maps[index];
-  paint($("heat"), layer.values, layer.scale);
-  drawLegend(titleOf(layer, ""), layer.scale, layer.median);
+  const repaint = () => paint($("heat"), layer.values, scaleOf(layer, layer.scale));
+  repaint();
+  drawLegend(titleOf(layer, ""), layer, layer.scale, repaint);
   moveTo(position.x, position.y);
 }
 
@@ -105,25 +109,36 @@ const mark = mapChoices(3, choose);
 
 const cards = [...document.querySelectorAll(".card")];
 
-function select(chosen) {
-  cards.forEach((card, i) => {
-    const on = i === chosen;
-    card.classList.toggle("on", on);
-    const button = card.querySelector(".show");
-    button.setAttribute("aria-pressed", String(on));
-    button.textContent = on ? "Shown in the pictures" : "Show in the pictures";
-  });
-  const box = data.hotspots[chosen];
-  outline(box ?? null);
-  if (!box) return;
-  position.held = true;
-  moveTo(box.x + box.width / 2, box.y + box.height / 2);
+// One thing at a time is shown in the pictures: a hotspot's card or a ledger's row.
+let shown = null;
+
+function show(control, box, member) {
+  if (shown) shown.setAttribute("aria-pressed", "false");
+  shown?.closest(".card")?.classList.remove("on");
+  shown = shown === control ? null : control;
+  outline(shown ? box : null);
+  highlight(shown ? member : null);
+  if (!shown) return;
+  shown.setAttribute("aria-pressed", "true");
+  shown.closest(".card")?.classList.add("on");
+  if (box) {
+    zoom.reveal(box);
+    position.held = true;
+    moveTo(box.x + box.width / 2, box.y + box.height / 2);
+  }
   $("viewer").scrollIntoView({ block: "nearest" });
+}
+
+function memberOfHotspot(chosen) {
+  const { x, y, width: w, height: h } = data.hotspots[chosen];
+  if (spots) return (i) => spots[i] === chosen + 1;
+  return (i) => i % width >= x && i % width < x + w && Math.floor(i / width) >= y && Math.floor(i / width) < y + h;
 }
 
 start(async () => {
   for (const map of data.maps) map.values = map.plane ? await valuesOf(map.plane) : new Float32Array(width * height).fill(NaN);
-  if (data.objects) objects = await quantaOf(data.objects.plane);
+  for (const kind of ["objects", "materials"]) if (data[kind]) groups[kind] = await quantaOf(data[kind].plane);
+  if (data.spots) spots = await quantaOf(data.spots);
   moved = readOut;
   choose(0);
   const first = data.maps[0].values;
@@ -133,9 +148,16 @@ start(async () => {
   await document.querySelector(".frame img")?.decode();
   cards.forEach((card, i) => {
     drawCrops(card, data.hotspots[i]);
-    const toggle = () => select(card.classList.contains("on") ? -1 : i);
+    const toggle = () => show(card.querySelector(".show"), data.hotspots[i], memberOfHotspot(i));
     card.querySelector(".show").addEventListener("click", toggle);
     card.querySelector(".crops").addEventListener("click", toggle);
   });
-  onKeys({ map: choose, Escape: () => select(-1) });
+  for (const button of document.querySelectorAll(".ledger button")) {
+    const { kind, id } = button.dataset;
+    const ids = groups[kind];
+    if (ids) button.addEventListener("click", () => show(button, null, (i) => ids[i] === Number(id)));
+    else button.disabled = true;
+  }
+  const legendKey = (id) => () => $(id)?.click();
+  onKeys({ map: choose, Escape: () => shown && show(shown), l: legendKey("log"), r: legendKey("reset") });
 });

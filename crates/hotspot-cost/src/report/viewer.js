@@ -123,9 +123,19 @@ function tableOf(name) {
   return tables[name];
 }
 
+// Where a value lies between the ends of a scale, 0 to 1. A logarithmic scale that begins at 0 or below shows four decades.
 function placeOn(scale, value) {
-  return Math.min(Math.max((value - scale.lo) / (scale.hi - scale.lo), 0), 1);
+  const place = scale.log
+    ? Math.log(Math.max(value, 1e-30) / floorOf(scale)) / Math.log(scale.hi / floorOf(scale))
+    : (value - scale.lo) / (scale.hi - scale.lo);
+  return Math.min(Math.max(place, 0), 1);
 }
+
+const floorOf = (scale) => (scale.lo > 0 ? scale.lo : scale.hi * 1e-4);
+
+// The inverse of placeOn.
+const valueAt = (scale, place) =>
+  scale.log ? floorOf(scale) * (scale.hi / floorOf(scale)) ** place : scale.lo + place * (scale.hi - scale.lo);
 
 function paint(canvas, values, scale, grey) {
   canvas.width = width;
@@ -151,39 +161,6 @@ function paint(canvas, values, scale, grey) {
     pixels[at + 3] = 255;
   }
   context.putImageData(picture, 0, 0);
-}
-
-function drawLegend(title, scale, median) {
-  const legend = $("legend");
-  const bar = make("div", "bar");
-  const canvas = make("canvas");
-  const table = tableOf(scale.map);
-  const steps = table.length / 3;
-  canvas.width = steps;
-  canvas.height = 1;
-  const context = canvas.getContext("2d");
-  const line = context.createImageData(steps, 1);
-  for (let i = 0; i < steps; i++) line.data.set([table[i * 3], table[i * 3 + 1], table[i * 3 + 2], 255], i * 4);
-  context.putImageData(line, 0, 0);
-  const here = make("div", "here");
-  bar.append(canvas, here);
-  const ticks = make("div", "ticks");
-  const put = (place, text, className) => {
-    const tick = make("span", className, minus(text));
-    tick.style.left = `${place * 100}%`;
-    if (place < 0.03) tick.style.transform = "none";
-    if (place > 0.97) tick.style.transform = "translateX(-100%)";
-    ticks.append(tick);
-  };
-  const place = median === undefined ? -1 : (median - scale.lo) / (scale.hi - scale.lo);
-  const marked = place > 0 && place < 1;
-  for (const [at, label] of scale.ticks) if (!marked || Math.abs(at - place) > 0.09) put(at, label, "");
-  if (marked) put(place, "median", "median");
-  legend.replaceChildren(make("div", "title", title), bar, ticks, make("div", "", minus(scale.notes.join(" · "))));
-  legend.show = (value) => {
-    here.hidden = !Number.isFinite(value);
-    if (!here.hidden) here.style.left = `${placeOn(scale, value) * 100}%`;
-  };
 }
 
 // ---- Numbers
@@ -221,44 +198,48 @@ for (const frame of frames) {
   spot.hidden = true;
   frame.append(across, down, spot);
   Object.assign(frame, { across, down, spot });
-  const pixel = (event) => {
-    const box = frame.getBoundingClientRect();
-    return [((event.clientX - box.left) / box.width) * width, ((event.clientY - box.top) / box.height) * height];
-  };
   frame.addEventListener("pointermove", (event) => {
-    if (!position.held) moveTo(...pixel(event));
+    if (!position.held && !zoom.dragging) moveTo(...pixelAt(frame, event));
   });
   frame.addEventListener("click", (event) => {
+    if (zoom.dragged) return;
     position.held = !position.held;
-    moveTo(...pixel(event));
+    moveTo(...pixelAt(frame, event));
   });
 }
 
 function moveTo(x, y) {
   position.x = Math.min(Math.max(Math.floor(x), 0), width - 1);
   position.y = Math.min(Math.max(Math.floor(y), 0), height - 1);
-  for (const frame of frames) {
-    frame.across.style.top = `${((position.y + 0.5) / height) * 100}%`;
-    frame.down.style.left = `${((position.x + 0.5) / width) * 100}%`;
-  }
+  placeMarks();
   moved(position.y * width + position.x);
 }
 
+let outlined = null;
 function outline(box) {
-  for (const { spot } of frames) {
-    spot.hidden = !box;
-    if (!box) continue;
-    spot.style.left = `${(box.x / width) * 100}%`;
-    spot.style.top = `${(box.y / height) * 100}%`;
-    spot.style.width = `${(box.width / width) * 100}%`;
-    spot.style.height = `${(box.height / height) * 100}%`;
+  outlined = box;
+  placeMarks();
+}
+
+// Crosshairs and the outlined box, where the zoom puts them.
+function placeMarks() {
+  const at = (x, y) => [zoom.across(x / width), zoom.down(y / height)].map((share) => `${share * 100}%`);
+  for (const { spot, across, down } of frames) {
+    [down.style.left, across.style.top] = at(position.x + 0.5, position.y + 0.5);
+    spot.hidden = !outlined;
+    if (!outlined) continue;
+    [spot.style.left, spot.style.top] = at(outlined.x, outlined.y);
+    spot.style.width = `${(outlined.width / width) * zoom.scale * 100}%`;
+    spot.style.height = `${(outlined.height / height) * zoom.scale * 100}%`;
   }
 }
 
-function whereLine(name) {
+// Where the crosshair is: the object, then the material that the camera sees there, where they are known.
+function whereLine(object, material) {
   const line = make("p", "where");
   line.append(make("span", "xy", `x ${position.x}  y ${position.y}`));
-  if (name !== undefined) line.append(make("b", "", name || "background"));
+  if (object !== undefined) line.append(make("b", "", object || "background"));
+  if (material) line.append(make("span", "material", material));
   if (position.held) line.append(make("span", "held", "held: click or Esc to release"));
   return line;
 }
@@ -303,7 +284,7 @@ $("viewer").addEventListener("pointerleave", () => (pointing = false));
 
 function onKeys(actions) {
   document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("select, input, textarea")) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("select, input, textarea, [role=slider]")) return;
     const arrow = ARROWS[event.key];
     // Elsewhere the arrow keys scroll the page.
     const ours = $("viewer").contains(document.activeElement) || (pointing && document.activeElement === document.body);
@@ -315,10 +296,13 @@ function onKeys(actions) {
     } else if (event.key === "Escape") {
       position.held = false;
       outline(null);
+      highlight(null);
       actions.Escape?.();
       moveTo(position.x, position.y);
     } else if (event.key >= "1" && event.key <= "9" && Number(event.key) <= data.maps.length) {
       actions.map(Number(event.key) - 1);
+    } else if ("+=-0".includes(event.key)) {
+      zoom.key(event.key);
     } else {
       actions[event.key.toLowerCase()]?.();
     }
@@ -326,10 +310,39 @@ function onKeys(actions) {
 }
 
 function magnify() {
-  const enlarged = frames.some((frame) => frame.clientWidth > width * 1.5);
+  const enlarged = frames.some((frame) => frame.clientWidth * zoom.scale > width * 1.5);
   document.body.classList.toggle("magnified", enlarged);
 }
 new ResizeObserver(magnify).observe(frames[0]);
+
+// ---- Pixels that belong to something: all others are dimmed, its rim is drawn. `member(index)` tells; null: none.
+
+for (const frame of frames) {
+  frame.mask = make("canvas", "mask");
+  frame.mask.hidden = true;
+  frame.append(frame.mask);
+}
+
+function highlight(member) {
+  let count = 0;
+  const inside = new Uint8Array(width * height);
+  if (member) for (let i = 0; i < inside.length; i++) count += inside[i] = member(i) ? 1 : 0;
+  for (const { mask } of frames) mask.hidden = !count;
+  if (!count) return 0;
+  const picture = new ImageData(width, height);
+  for (let y = 0, i = 0; y < height; y++) {
+    for (let x = 0; x < width; x++, i++) {
+      const rim = inside[i] && !(x > 0 && y > 0 && x < width - 1 && y < height - 1 && inside[i - 1] && inside[i + 1] && inside[i - width] && inside[i + width]);
+      if (rim) picture.data.set([82, 214, 255, 255], i * 4);
+      else if (!inside[i]) picture.data[i * 4 + 3] = 165;
+    }
+  }
+  for (const { mask } of frames) {
+    [mask.width, mask.height] = [width, height];
+    mask.getContext("2d").putImageData(picture, 0, 0);
+  }
+  return count;
+}
 
 // ---- Start: unpack, then run; what fails is said on the page.
 
