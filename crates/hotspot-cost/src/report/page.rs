@@ -59,7 +59,11 @@ pub(super) fn shell(title: &str, size: (u32, u32), body: &str, data: &Value, scr
             ("aspect", &aspect),
             ("body", body),
             ("data", &escape::script_json(data)),
-            ("js", &[include_str!("viewer.js"), include_str!("zoom.js"), include_str!("range.js"), script].concat()),
+            (
+                "js",
+                &[include_str!("viewer.js"), include_str!("zoom.js"), include_str!("range.js"), script]
+                    .concat(),
+            ),
         ],
     )
 }

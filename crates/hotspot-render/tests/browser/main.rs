@@ -34,9 +34,10 @@ fn play(browser: &Path, page: &Path, script: &str, (width, height): (u32, u32)) 
         .output()
         .unwrap();
     let dom = String::from_utf8_lossy(&output.stdout).into_owned();
-    let start = dom.find("<pre id=\"played\">").unwrap_or_else(|| {
-        panic!("the player did not finish; {}", String::from_utf8_lossy(&output.stderr))
-    }) + 17;
+    let start = dom
+        .find("<pre id=\"played\">")
+        .unwrap_or_else(|| panic!("the player did not finish; {}", String::from_utf8_lossy(&output.stderr)))
+        + 17;
     let end = start + dom[start..].find("</pre>").unwrap();
     let said = dom[start..end].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
     let said: serde_json::Value = serde_json::from_str(&said).unwrap();
