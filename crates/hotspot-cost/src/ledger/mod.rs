@@ -8,6 +8,15 @@
 //! Each sums to the frame's totals to the last count. A share in a ledger is no saving: without an object its rays would go
 //! elsewhere.
 
+mod bins;
+mod csv;
+mod gather;
+mod payers;
 mod rows;
 
+pub use gather::{BookedPath, BookedRay, Ledger};
+pub use payers::{Payer, PayerDesc, Payers};
 pub use rows::{Ledgers, MatrixRow, PayerRow, SpawnerKind, SpawnerRow, Traversal};
+
+#[cfg(test)]
+mod tests;

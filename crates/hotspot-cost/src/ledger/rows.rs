@@ -169,6 +169,20 @@ impl Ledgers {
         material.map_or("", |material| self.materials.get(material as usize).map_or("?", String::as_str))
     }
 
+    /// Sorts the rows and names the entry that several objects share.
+    pub(super) fn finish(&mut self) {
+        use std::cmp::Reverse;
+        self.spawner.sort_by_key(|r| {
+            (Reverse(r.traversal.weight()), Reverse(r.rays), r.object, r.material, r.bounce, r.kind, r.light)
+        });
+        self.payer.sort_by_key(|row| (Reverse(row.traversal.weight()), row.object));
+        self.matrix.sort_by_key(|row| (Reverse(row.traversal.weight()), row.spawner, row.payer));
+        let shared = self.objects.len() as u32;
+        if self.merged_objects > 0 || self.spawner.iter().any(|row| row.light == Some(shared)) {
+            self.objects.push("(other objects)".to_owned());
+        }
+    }
+
     /// The ledgers with what exceeds [`Ledgers::MOST_SPAWNERS`] rows summed up in a last row: for documents.
     #[must_use]
     pub fn shortened(mut self) -> Self {
