@@ -27,6 +27,7 @@ mod filter;
 mod instance;
 mod node;
 pub mod oracle;
+mod owners;
 mod ray;
 pub mod simd;
 mod stack;
@@ -37,6 +38,7 @@ pub use build::{BuildOptions, Quality};
 pub use filter::{Candidate, Filter, NoFilter};
 pub use hotspot_probe::{NoProbe, RayProbe};
 pub use instance::Instance;
+pub use owners::{Owner, Owners};
 pub use ray::{Hit, NO_INSTANCE, Ray};
 
 use instance::Placed;

@@ -9,6 +9,7 @@ use crate::error::{self, Error};
 use crate::frame::Frame;
 use crate::hotspots::Hotspot;
 use crate::layers::LayerOptions;
+use crate::ledger::Ledgers;
 use crate::metric::{CostModel, Metric};
 use crate::stats::{self, CiKind, Total};
 use serde::{Deserialize, Serialize};
@@ -63,7 +64,7 @@ pub struct Document {
     pub digest: Digest,
     /// Cost by what sent and by what was visited, when gathered.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub ledgers: Option<Value>,
+    pub ledgers: Option<Ledgers>,
     /// One sentence for people.
     pub verdict: String,
     /// Where the cost is, by falling excess.

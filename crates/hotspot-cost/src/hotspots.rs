@@ -72,10 +72,39 @@ pub struct Hotspot {
     pub factors: Factors,
     /// The cause in plain words.
     pub cause: String,
+    /// The causes by kind, the strongest first; empty where nothing stands out.
+    pub causes: Vec<CauseKind>,
+    /// What to try, in plain words; empty where nothing is known.
+    pub fix: String,
+    /// Options of `hotspot-render whatif SCENE` that try it; empty where none applies.
+    pub whatif: Vec<String>,
 }
 
-/// A region against the frame's median pixel: 1 is like it, 2 twice as much; absent where the planes are not given or the
-/// median is 0.
+/// Why a region costs more than others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CauseKind {
+    /// Paths bounce many times between few objects.
+    Trapped,
+    /// Shadow rays cost much and most are blocked.
+    BlockedShadowRays,
+    /// Rays pass through many surfaces with holes.
+    AlphaTests,
+    /// Rays are tested against many triangles that they do not hit, of one object.
+    HeavyLeaves,
+    /// Rays visit many nodes, because the boxes of objects overlap where they pass.
+    OverlappingBounds,
+    /// Paths end without having brought light.
+    FutilePaths,
+    /// Many texture look-ups.
+    Textures,
+    /// Paths have more vertices than elsewhere.
+    LongPaths,
+}
+
+/// A region against the frame's pixels of about the median cost: 1 is like them, 2 twice as much; absent where the planes
+/// are not given or those pixels have none of it. The cost is a product:
+/// `cost = vertices_per_path · rays_per_vertex · nodes_per_ray · cost_per_node`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Factors {
@@ -83,10 +112,16 @@ pub struct Factors {
     pub cost: Option<f64>,
     /// Rays per path.
     pub rays_per_path: Option<f64>,
+    /// Camera and bounce rays per path.
+    pub vertices_per_path: Option<f64>,
+    /// Rays per camera or bounce ray.
+    pub rays_per_vertex: Option<f64>,
     /// Nodes visited per ray.
     pub nodes_per_ray: Option<f64>,
     /// Triangles tested per ray.
     pub shapes_per_ray: Option<f64>,
+    /// Cost per node visited: grows with the triangles tested per node.
+    pub cost_per_node: Option<f64>,
     /// Share of the region's cost spent in vain (0 to 1, not a ratio).
     pub waste_share: Option<f64>,
 }
@@ -275,6 +310,7 @@ pub fn find(input: &HotspotInput<'_>, names: &[String], most: usize) -> Vec<Hots
                 name: object.and_then(|object| names.get(object as usize).cloned()),
                 factors,
                 cause: words::cause(&factors),
+                ..Hotspot::default()
             })
         })
         .collect();
@@ -370,6 +406,7 @@ impl Medians {
             nodes_per_ray: against(ratio(sum(input.nodes), rays), self.nodes_per_ray),
             shapes_per_ray: against(ratio(sum(input.shapes), rays), self.shapes_per_ray),
             waste_share: ratio(sum(input.waste), cost),
+            ..Factors::default()
         }
     }
 }

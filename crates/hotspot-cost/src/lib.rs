@@ -40,6 +40,7 @@ pub mod exr_io;
 mod frame;
 pub mod hotspots;
 mod layers;
+pub mod ledger;
 mod metric;
 mod metric_set;
 #[cfg_attr(not(feature = "report"), allow(dead_code, reason = "the page alone uses some of it"))]
@@ -63,6 +64,7 @@ pub use error::{Error, Result};
 pub use frame::{Frame, FrameDesc};
 pub use hotspots::{Hotspot, HotspotInput};
 pub use layers::{LayerOptions, Layers, RADIANCE};
+pub use ledger::Ledgers;
 pub use metric::{CostModel, Metric, Sum};
 pub use metric_set::{MetricSet, UnknownMetric};
 pub use recorder::{

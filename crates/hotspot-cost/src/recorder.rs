@@ -426,6 +426,20 @@ pub struct RayCounter<'r> {
     shadow: bool,
 }
 
+impl RayCounter<'_> {
+    /// Nodes, boxes, leaves, shapes and instances so far.
+    #[inline(always)]
+    pub(crate) const fn so_far(&self) -> [u64; 5] {
+        let RayCounts { nodes, boxes, leaves, shapes, instances } = self.counts;
+        [nodes, boxes, leaves, shapes, instances]
+    }
+
+    #[inline(always)]
+    pub(crate) const fn is_shadow(&self) -> bool {
+        self.shadow
+    }
+}
+
 impl RayProbe for RayCounter<'_> {
     #[inline(always)]
     fn node(&mut self, _id: u32, boxes: u32) {

@@ -7,7 +7,8 @@ use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind};
 use crate::scene::RenderScene;
 use glam::Vec3;
 use hotspot_bvh::simd::{Simd, WithSimd};
-use hotspot_cost::{PathEnd, TileRecorder};
+use hotspot_cost::ledger::{Ledger, Payers};
+use hotspot_cost::{PathEnd, PathRecorder, TileRecorder};
 use hotspot_probe::{NoProbe, Probe};
 use std::ops::Range;
 use std::time::Instant;
@@ -42,6 +43,8 @@ pub(crate) struct Kernel<'a> {
     pub(crate) counted: u64,
     pub(crate) radiance: bool,
     pub(crate) clock: bool,
+    /// Who pays for what, where ledgers are gathered.
+    pub(crate) payers: Option<&'a Payers>,
 }
 
 /// A tile and the samples to take of each of its pixels.
@@ -51,6 +54,8 @@ pub(crate) struct TileJob<'a> {
     /// Sample numbers over both halves: number n is sample n / halves of half n % halves.
     pub(crate) samples: Range<u64>,
     pub(crate) non_finite: &'a mut Vec<NonFinite>,
+    /// Books the counted samples, where ledgers are gathered.
+    pub(crate) ledger: Option<&'a mut Ledger>,
 }
 
 impl WithSimd for TileJob<'_> {
@@ -125,7 +130,7 @@ fn of_half(samples: &Range<u64>, half: u64, halves: u64) -> Range<u64> {
 impl TileJob<'_> {
     #[inline(always)]
     fn pixels<S: Simd, C: Class>(self, simd: S) {
-        let Self { kernel, tile, samples, non_finite } = self;
+        let Self { kernel, tile, samples, non_finite, mut ledger } = self;
         let halves = kernel.halves as u64;
         let counts = tile.has_cost();
         let counted = if counts { kernel.counted } else { 0 };
@@ -153,14 +158,14 @@ impl TileJob<'_> {
                     let mut pixel = tile.pixel(x, y, half);
                     for index in counting {
                         let mut path = pixel.path();
-                        let result =
-                            sample::<S, _, C>(simd, kernel, x, y, &pixel_sampler.sample(index), &mut path);
-                        path.end(PathEnd {
-                            cause: result.cause,
-                            throughput: result.throughput,
-                            brought_radiance: result.radiance != Vec3::ZERO && result.radiance.is_finite(),
-                            first_object: result.first_object,
-                        });
+                        let sampler = pixel_sampler.sample(index);
+                        if let (Some(ledger), Some(payers)) = (ledger.as_deref_mut(), kernel.payers) {
+                            let books = Books { payers, ledger, path };
+                            keep(index, &booked_sample::<S, C>(simd, kernel, x, y, &sampler, books));
+                            continue;
+                        }
+                        let result = sample::<S, _, C>(simd, kernel, x, y, &sampler, &mut path);
+                        path.end(path_end(&result));
                         keep(index, &result);
                     }
                 }
@@ -180,6 +185,44 @@ impl TileJob<'_> {
             }
         }
     }
+}
+
+fn path_end(result: &PathResult) -> PathEnd {
+    PathEnd {
+        cause: result.cause,
+        throughput: result.throughput,
+        brought_radiance: result.radiance != Vec3::ZERO && result.radiance.is_finite(),
+        first_object: result.first_object,
+    }
+}
+
+/// Where a sample is booked.
+struct Books<'a> {
+    payers: &'a Payers,
+    ledger: &'a mut Ledger,
+    path: PathRecorder<'a>,
+}
+
+/// One camera sample, recorded and booked. Not inlined, so that the kernels without ledgers stay as they are.
+#[inline(never)]
+fn booked_sample<S: Simd, C: Class>(
+    simd: S,
+    kernel: &Kernel<'_>,
+    x: u32,
+    y: u32,
+    sampler: &Sampler<'_>,
+    books: Books<'_>,
+) -> PathResult {
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let Books { payers, ledger, path } = books;
+            let mut path = ledger.path(payers, path);
+            let result = sample::<S, _, C>(simd, kernel, x, y, sampler, &mut path);
+            path.end(path_end(&result));
+            result
+        },
+    )
 }
 
 /// One camera sample.

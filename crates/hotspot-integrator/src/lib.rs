@@ -12,6 +12,7 @@ mod kernel;
 mod light;
 mod math;
 mod path;
+mod payers;
 mod render;
 mod sampler;
 mod scene;

@@ -6,9 +6,11 @@ use crate::path::PathSettings;
 use crate::sampler::SamplerKind;
 use crate::scene::RenderScene;
 use hotspot_bvh::simd::dispatch;
+use hotspot_cost::ledger::{Ledger, Ledgers, Payers};
 use hotspot_cost::{Frame, FrameDesc};
 use hotspot_scene::Camera;
 use rayon::prelude::*;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
@@ -57,6 +59,8 @@ pub struct Settings {
     pub roulette_from: Option<u32>,
     /// What to gather.
     pub gather: Gather,
+    /// Book what is counted by what sent it and by what it met.
+    pub ledgers: bool,
     /// Stop after about this much time; at least one sample per pixel is taken.
     pub time_limit: Option<Duration>,
 }
@@ -75,6 +79,7 @@ impl Settings {
             sampler: SamplerKind::Sobol,
             roulette_from: Some(4),
             gather: Gather::ALL,
+            ledgers: false,
             time_limit: None,
         }
     }
@@ -116,6 +121,8 @@ pub enum Stop {
 pub struct Rendered {
     /// The sums.
     pub frame: Frame,
+    /// The same booked by what sent and by what was met, where [`Settings::ledgers`] asks for it and anything is counted.
+    pub ledgers: Option<Ledgers>,
     /// Camera samples per pixel.
     pub samples: u32,
     /// Why it ended.
@@ -128,6 +135,35 @@ pub struct Rendered {
     pub kernel: String,
     /// Samples whose radiance was not finite and counted as black, sorted; at most 64 per tile and wave are listed.
     pub non_finite: Vec<NonFinite>,
+}
+
+/// The ledgers that no worker holds at the moment: as many come into being as workers run at once.
+#[derive(Default)]
+pub(crate) struct Shelf(Mutex<Vec<Ledger>>);
+
+impl Shelf {
+    /// A worker that panicked took its ledger with it; the others are whole.
+    fn open(&self) -> std::sync::MutexGuard<'_, Vec<Ledger>> {
+        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+
+    pub(crate) fn take(&self, payers: &Payers) -> Ledger {
+        let ledger = self.open().pop();
+        ledger.unwrap_or_else(|| Ledger::new(payers))
+    }
+
+    pub(crate) fn put(&self, ledger: Ledger) {
+        self.open().push(ledger);
+    }
+
+    pub(crate) fn sum(self, payers: &Payers) -> Ledger {
+        let all = self.0.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let sum = all.into_iter().reduce(|mut sum, ledger| {
+            sum.merge(&ledger);
+            sum
+        });
+        sum.unwrap_or_else(|| Ledger::new(payers))
+    }
 }
 
 /// Waves are sized to take about this long, so that a render can be stopped and shows progress.
@@ -151,6 +187,8 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
     // Both halves always have as many samples.
     let halves = frame.halves() as u64;
     let whole = |samples: u32| u64::from(samples).next_multiple_of(halves);
+    let payers = (settings.ledgers && gather.cost).then(|| scene.payers());
+    let shelf = Shelf::default();
     let kernel = Kernel {
         scene,
         camera: FilmCamera::new(camera, settings.width, settings.height),
@@ -167,6 +205,7 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
         counted: if gather.cost { whole(settings.cost_spp.unwrap_or(u32::MAX)) } else { 0 },
         radiance: gather.radiance,
         clock: gather.time,
+        payers: payers.as_ref(),
     };
     let isa = scene.bvh.isa();
     let total = whole(settings.spp);
@@ -184,10 +223,20 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
             .map(|tile| {
                 let mut found = Vec::new();
                 let area = tile.rect().area() as u64;
+                let mut ledger = payers.as_ref().map(|payers| shelf.take(payers));
                 dispatch(
                     isa,
-                    TileJob { kernel: &kernel, tile, samples: samples.clone(), non_finite: &mut found },
+                    TileJob {
+                        kernel: &kernel,
+                        tile,
+                        samples: samples.clone(),
+                        non_finite: &mut found,
+                        ledger: ledger.as_mut(),
+                    },
                 );
+                if let Some(ledger) = ledger {
+                    shelf.put(ledger);
+                }
                 let added = area * (samples.end - samples.start);
                 let done = taken.fetch_add(added, Ordering::Relaxed) + added;
                 if let Some(progress) = control.progress {
@@ -218,11 +267,16 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
         wave = ((budget / per_sample) as u64).max(1);
     };
     non_finite.sort_unstable();
+    let seconds = start.elapsed().as_secs_f64();
     Rendered {
         frame,
+        ledgers: payers.map(|payers| {
+            let names: Vec<String> = scene.material_names().map(str::to_owned).collect();
+            shelf.sum(&payers).rows(&payers, scene.objects(), &names)
+        }),
         samples: done as u32,
         stop,
-        seconds: start.elapsed().as_secs_f64(),
+        seconds,
         threads: rayon::current_num_threads(),
         kernel: format!("bvh8-single-ray {} {}", isa.name(), scene.class().name()),
         non_finite,

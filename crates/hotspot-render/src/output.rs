@@ -12,7 +12,7 @@ use hotspot_cost::report::{
     ChangeRow, CompareInput, CompareLayer, Fact, HotspotCard, MapLayer, ObjectLayer, PairFact, ReportInput,
     Side as PageSide, TotalRow, ValueKind, compare_html, html,
 };
-use hotspot_cost::{CiKind, Comparison, Document, Layers, Metric, Rect, Side, Sum, hotspots};
+use hotspot_cost::{CiKind, Comparison, Document, Layers, Ledgers, Metric, Rect, Side, Sum, hotspots};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -38,6 +38,8 @@ pub(crate) struct Output<'a> {
     pub(crate) object_names: &'a [String],
     /// Triangles of each object; empty when unknown.
     pub(crate) object_triangles: &'a [u64],
+    /// Whole, for the CSV files.
+    pub(crate) ledgers: Option<&'a Ledgers>,
     pub(crate) write_exr: bool,
 }
 
@@ -111,8 +113,17 @@ impl<'a> Writer<'a> {
 
     /// Writes all outputs of a render.
     pub(crate) fn render(&self, output: Output<'_>) -> Result<Written, Fail> {
-        let Output { stem, layers, document, header, objects, object_names, object_triangles, write_exr } =
-            output;
+        let Output {
+            stem,
+            layers,
+            document,
+            header,
+            objects,
+            object_names,
+            object_triangles,
+            ledgers,
+            write_exr,
+        } = output;
         let path = |suffix: &str| self.folder.join(format!("{stem}{suffix}"));
         self.remove_stale_maps(stem);
 
@@ -160,6 +171,17 @@ impl<'a> Writer<'a> {
         let file = path(".json");
         write_atomic(&file, json.as_bytes())?;
         files.push(format!("{}: totals, hotspots and settings", file.display()));
+        if let Some(ledgers) = ledgers {
+            for (ledger, text, what) in [
+                ("spawner", ledgers.spawner_csv(), "cost by what sent the rays"),
+                ("payer", ledgers.payer_csv(), "cost by what they met"),
+                ("matrix", ledgers.matrix_csv(), "cost by both"),
+            ] {
+                let file = path(&format!(".ledger.{ledger}.csv"));
+                write_atomic(&file, text.as_bytes())?;
+                files.push(format!("{}: {what}", file.display()));
+            }
+        }
         for (file, image, what) in pictures {
             write_png(&file, &image)?;
             files.push(format!("{}: {what}", file.display()));
@@ -175,13 +197,15 @@ impl<'a> Writer<'a> {
         Ok(Written { files, page })
     }
 
-    /// Removes the pictures of an earlier render of this name, so that none stays beside a JSON that does not know it. What
+    /// Removes the pictures and tables of an earlier render of this name, so that none stays beside a JSON that does not know it. What
     /// cannot be removed is about to be overwritten or reported.
     fn remove_stale_maps(&self, stem: &str) {
         for metric in Metric::ALL {
             let _ = std::fs::remove_file(self.folder.join(format!("{stem}.{}.png", metric.layer())));
         }
-        let _ = std::fs::remove_file(self.folder.join(format!("{stem}.png")));
+        for suffix in ["png", "ledger.spawner.csv", "ledger.payer.csv", "ledger.matrix.csv"] {
+            let _ = std::fs::remove_file(self.folder.join(format!("{stem}.{suffix}")));
+        }
     }
 
     fn page(&self, parts: &PageParts<'_>, picture: Option<Beauty>, json: String) -> String {

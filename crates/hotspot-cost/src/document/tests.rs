@@ -1,4 +1,5 @@
 use super::*;
+use crate::ledger::{MatrixRow, PayerRow, SpawnerRow};
 use crate::testing::random_frame;
 use crate::{FrameDesc, Sum, hotspots};
 use serde_json::json;
@@ -10,10 +11,19 @@ fn full() -> Document {
     let mut document = Document::of_frame(&frame, &LayerOptions::default());
     document.hotspots =
         hotspots::of_frame(&frame, CostModel::default(), &["a", "b", "c", "d"].map(String::from), 5);
+    document.hotspots[0].causes = vec![hotspots::CauseKind::HeavyLeaves];
+    document.hotspots[0].whatif = vec!["--delete=a".to_owned()];
     document.verdict = hotspots::verdict(&document.hotspots);
     document.command = vec!["hotspot-render".to_owned()];
     document.settings.insert("seed".to_owned(), json!(7));
-    document.ledgers = Some(json!({ "spawner": [], "payer": [], "matrix": [] }));
+    document.ledgers = Some(Ledgers {
+        objects: vec!["a".to_owned()],
+        materials: vec!["m".to_owned()],
+        merged_objects: 0,
+        spawner: vec![SpawnerRow { object: Some(0), light: Some(0), ..SpawnerRow::default() }],
+        payer: vec![PayerRow::default()],
+        matrix: vec![MatrixRow { others: true, ..MatrixRow::default() }],
+    });
     let note = Note { what: "x".to_owned(), element: "/meshes/0".to_owned(), count: 1 };
     document.unmodelled = vec![note.clone()];
     document.repairs = vec![note];

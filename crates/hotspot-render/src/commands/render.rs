@@ -9,7 +9,7 @@ use crate::progress::Talker;
 use crate::stage::Stage;
 use hotspot_cost::document::Note;
 use hotspot_cost::exr_io::Header;
-use hotspot_cost::{Document, LayerOptions, Layers, Metric, hotspots};
+use hotspot_cost::{Document, LayerOptions, Layers, Ledgers, Metric, hotspots};
 use hotspot_integrator::{Control, Gather, RenderScene, Rendered, Settings, Stop};
 use hotspot_scene::{Camera, Projection};
 use serde_json::{Value, json};
@@ -34,9 +34,6 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     let start = Instant::now();
     let scene = args.open.load()?;
     let load_seconds = start.elapsed().as_secs_f64();
-    if args.metrics.split(',').any(|name| name.trim() == "ledgers") {
-        talker.warn("note: --metrics ledgers: ledgers are not gathered yet; the other metrics are");
-    }
     if args.intervals && (args.samples() % 2 == 1 || args.cost_spp.is_some_and(|k| k % 2 == 1)) {
         talker.warn(
             "note: --intervals: sample counts are rounded up to even, so that both halves have as many",
@@ -72,6 +69,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
         document.hotspots = find_hotspots(args, &settings, &rendered, &layers, &objects, prepared);
         document.verdict = hotspots::verdict(&document.hotspots);
     }
+    document.ledgers = rendered.ledgers.clone().map(Ledgers::shortened);
     document.memory.peak = memory::peak();
 
     let header = header(&stage.camera, (settings.width, settings.height), &rendered, &document);
@@ -83,6 +81,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
         objects: &objects,
         object_names: prepared.objects(),
         object_triangles: &prepared.object_triangles(),
+        ledgers: rendered.ledgers.as_ref(),
         write_exr: true,
     })?;
     for file in &page.files {
@@ -137,6 +136,7 @@ fn settings(
         time,
         trace_shadow_rays: !(args.no_radiance && metrics.only_rays()),
     };
+    settings.ledgers = metrics.ledgers() && settings.gather.cost;
     settings.time_limit = args.time_limit.map(Duration::from_secs_f64);
     Ok(settings)
 }

@@ -39,6 +39,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Fail> {
         objects: &[],
         object_names: &[],
         object_triangles: &[],
+        ledgers: None,
         write_exr: false,
     })?;
     if !args.quiet {

@@ -1,0 +1,245 @@
+use super::*;
+use crate::testing::Random;
+use crate::{Cause, Counter, Frame, FrameDesc, PathEnd};
+use hotspot_probe::{NONE, Probe, RayKind, RayProbe, Spawner};
+use std::collections::BTreeMap;
+
+/// Of a tree of 40 nodes and blocks over `objects` objects, some of them mixed, some of them of instances.
+fn desc(objects: u32, random: &mut Random) -> PayerDesc {
+    let mut payer = |leaf: bool| match random.below(4) {
+        0 => Payer::Scene(
+            (0..if leaf { 1 + random.below(8) } else { 0 }).map(|_| random.below(objects)).collect(),
+        ),
+        1 => Payer::Instance,
+        _ => Payer::Object(random.below(objects)),
+    };
+    let nodes = (0..40).map(|_| payer(false)).collect();
+    let blocks = (0..40).map(|_| payer(true)).collect();
+    PayerDesc {
+        nodes,
+        blocks,
+        instances: (0..5).map(|_| random.below(objects)).collect(),
+        triangles: (0..objects).map(|_| u64::from(random.below(9))).collect(),
+        lights: (0..objects).filter(|_| random.below(2) == 0).collect(),
+    }
+}
+
+/// Books by the definition, ray by ray and count by count.
+#[derive(Default)]
+struct Oracle {
+    spawner: BTreeMap<(Option<u32>, Option<u32>, u32, SpawnerKind, Option<u32>), ([u64; 3], Traversal)>,
+    matrix: BTreeMap<(Option<u32>, Option<u32>), Traversal>,
+}
+
+impl Oracle {
+    fn event(&mut self, by: Spawner, payer: Option<u32>, what: impl Fn(&mut Traversal)) {
+        what(&mut self.row(by).1);
+        what(self.matrix.entry(((by.object != NONE).then_some(by.object), payer)).or_default());
+    }
+
+    fn row(&mut self, by: Spawner) -> &mut ([u64; 3], Traversal) {
+        let id = |id: u32| (id != NONE).then_some(id);
+        let key = (id(by.object), id(by.material), by.bounce.min(31), by.kind.into(), id(by.light));
+        self.spawner.entry(key).or_default()
+    }
+}
+
+fn some_spawner(objects: u32, random: &mut Random) -> Spawner {
+    let kind = [RayKind::Camera, RayKind::Bounce, RayKind::Shadow][random.below(3) as usize];
+    if kind == RayKind::Camera {
+        return Spawner::CAMERA;
+    }
+    let light = if kind == RayKind::Shadow && random.below(3) > 0 { random.below(objects) } else { NONE };
+    Spawner {
+        object: random.below(objects),
+        material: random.below(3),
+        bounce: random.below(50),
+        kind,
+        light,
+    }
+}
+
+/// A frame of random rays, booked both ways: what the ledger says, and the oracle.
+fn booked(objects: u32, rays: u32, workers: usize, seed: u64) -> (Frame, Ledgers, Oracle, PayerDesc) {
+    let mut random = Random::new(seed);
+    let desc = desc(objects, &mut random);
+    let payers = Payers::new(&desc);
+    let mut ledgers: Vec<Ledger> = (0..workers).map(|_| Ledger::new(&payers)).collect();
+    let mut frame = Frame::new(FrameDesc::new(1, 1));
+    let mut oracle = Oracle::default();
+    for index in 0..rays {
+        let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
+        let mut path = ledgers[index as usize % workers].path(&payers, pixel.path());
+        let by = some_spawner(objects, &mut random);
+        oracle.row(by).0[0] += 1;
+        if random.below(20) == 0 {
+            path.untraced(by);
+        } else {
+            let mut ray = path.ray(by);
+            let (mut inside, mut block, mut cost) = (None, None, 0);
+            for _ in 0..random.below(12) {
+                let id = random.below(40);
+                match random.below(4) {
+                    0 => {
+                        let instance = random.below(5);
+                        ray.instance(instance);
+                        inside = Some(desc.instances[instance as usize]);
+                        oracle.event(by, inside, |t| t.instances += 1);
+                    }
+                    1 if block.is_some() => {
+                        ray.alpha(1, 4);
+                        oracle.event(by, block.unwrap(), |t| t.alpha_tests += 1);
+                    }
+                    2 => {
+                        let payer = match &desc.nodes[id as usize] {
+                            Payer::Object(object) => Some(*object),
+                            Payer::Scene(_) => None,
+                            Payer::Instance => inside,
+                        };
+                        ray.node(id, 5);
+                        cost += 1;
+                        oracle.event(by, payer, |t| {
+                            t.nodes += 1;
+                            t.boxes += 5;
+                        });
+                    }
+                    _ => {
+                        let (payer, triangles) = match &desc.blocks[id as usize] {
+                            Payer::Object(object) => (Some(*object), vec![Some(*object); 6]),
+                            Payer::Scene(triangles) => (None, triangles.iter().map(|t| Some(*t)).collect()),
+                            Payer::Instance => (inside, vec![inside; 6]),
+                        };
+                        ray.leaf(id, triangles.len() as u32);
+                        cost += triangles.len() as u64;
+                        block = Some(payer);
+                        oracle.event(by, payer, |t| t.leaves += 1);
+                        for triangle in triangles {
+                            oracle.event(by, triangle, |t| t.shapes += 1);
+                        }
+                    }
+                }
+            }
+            let hit = random.below(2) == 0;
+            ray.finish(hit);
+            oracle.row(by).0[1] += u64::from(hit);
+            oracle.row(by).0[2] += if hit && by.kind == RayKind::Shadow { cost } else { 0 };
+        }
+        path.end(PathEnd { cause: Cause::Escaped, throughput: 1.0, brought_radiance: true, first_object: 0 });
+    }
+    let sum = ledgers.into_iter().reduce(|mut sum, other| {
+        sum.merge(&other);
+        sum
+    });
+    let names: Vec<String> = (0..objects).map(|o| format!("object {o}")).collect();
+    let materials = ["a", "b", "c"].map(String::from);
+    (frame, sum.unwrap().rows(&payers, &names, &materials), oracle, desc)
+}
+
+/// The ledgers' sums are the frame's.
+fn assert_totals(frame: &Frame, ledgers: &Ledgers) {
+    let all = frame.cost_total(0, 0);
+    let expected = Traversal {
+        nodes: all.get(Counter::Nodes),
+        boxes: all.get(Counter::Boxes),
+        leaves: all.get(Counter::Leaves),
+        shapes: all.get(Counter::Shapes),
+        instances: all.get(Counter::Instances),
+        alpha_tests: all.get(Counter::AlphaTests),
+    };
+    let sum = |rows: &mut dyn Iterator<Item = Traversal>| {
+        rows.fold(Traversal::default(), |mut sum, row| {
+            sum.add(&row);
+            sum
+        })
+    };
+    assert_eq!(sum(&mut ledgers.spawner.iter().map(|row| row.traversal)), expected);
+    assert_eq!(sum(&mut ledgers.payer.iter().map(|row| row.traversal)), expected);
+    assert_eq!(sum(&mut ledgers.matrix.iter().map(|row| row.traversal)), expected);
+    assert_eq!(ledgers.spawner.iter().map(|row| row.rays).sum::<u64>(), all.get(Counter::Rays));
+    assert!(expected.instances > 0 && expected.alpha_tests > 0);
+}
+
+#[test]
+fn ledgers_agree_with_the_oracle_row_by_row() {
+    for (objects, workers, seed) in [(1, 1, 1), (7, 3, 2), (60, 2, 3)] {
+        let (frame, ledgers, oracle, desc) = booked(objects, 20_000, workers, seed);
+        assert_totals(&frame, &ledgers);
+        assert!(desc.lights.len() <= 64 && ledgers.merged_objects == 0);
+        // Lights of which the renderer did not say that they are lights share an entry.
+        let shared = |light: Option<u32>| light.map(|l| if desc.lights.contains(&l) { l } else { objects });
+        let mut expected: BTreeMap<_, ([u64; 3], Traversal)> = BTreeMap::new();
+        for ((object, material, bounce, kind, light), (counts, traversal)) in &oracle.spawner {
+            let row = expected.entry((*object, *material, *bounce, *kind, shared(*light))).or_default();
+            for (sum, count) in row.0.iter_mut().zip(counts) {
+                *sum += count;
+            }
+            row.1.add(traversal);
+        }
+        let found: BTreeMap<_, _> = ledgers
+            .spawner
+            .iter()
+            .map(|r| {
+                let key = (r.object, r.material, r.bounce, r.kind, r.light);
+                (key, ([r.rays, r.hits, r.blocked], r.traversal))
+            })
+            .collect();
+        assert!(found == expected && found.len() == ledgers.spawner.len());
+        let matrix: BTreeMap<_, _> =
+            ledgers.matrix.iter().map(|row| ((row.spawner, row.payer), row.traversal)).collect();
+        assert!(matrix == oracle.matrix && matrix.len() == ledgers.matrix.len());
+        let mut paid: BTreeMap<Option<u32>, Traversal> = BTreeMap::new();
+        for ((_, payer), traversal) in &oracle.matrix {
+            paid.entry(*payer).or_default().add(traversal);
+        }
+        let payer: BTreeMap<_, _> = ledgers.payer.iter().map(|row| (row.object, row.traversal)).collect();
+        assert!(payer == paid && payer.len() == ledgers.payer.len());
+    }
+}
+
+#[test]
+fn workers_do_not_change_the_rows() {
+    let one = booked(9, 5000, 1, 4).1;
+    assert_eq!(one, booked(9, 5000, 4, 4).1);
+    let mut sorted = one.clone();
+    sorted.spawner.sort_by_key(|row| std::cmp::Reverse(row.traversal.nodes + row.traversal.shapes));
+    assert_eq!(one, sorted);
+}
+
+#[test]
+fn thousands_of_objects_share_an_entry_and_lose_nothing() {
+    let (frame, ledgers, _, desc) = booked(3000, 20_000, 2, 5);
+    assert_totals(&frame, &ledgers);
+    assert_eq!(ledgers.merged_objects, 3000 - 1022);
+    assert_eq!(ledgers.objects.len(), 3001);
+    // Those with the most triangles keep their own.
+    let own: Vec<u64> = ledgers
+        .matrix
+        .iter()
+        .filter_map(|row| row.spawner)
+        .filter(|object| *object < 3000)
+        .map(|object| desc.triangles[object as usize])
+        .collect();
+    let least = own.iter().min().unwrap();
+    assert!(desc.triangles.iter().filter(|count| *count > least).count() <= 1022);
+    let short = ledgers.clone().shortened();
+    assert_eq!((short.spawner.len(), short.matrix.len()), (1000, 1000));
+    assert!(short.matrix[999].others && short.spawner[999].kind == SpawnerKind::Other);
+    assert_totals(&frame, &short);
+}
+
+#[test]
+fn csv_has_every_row_and_tames_names() {
+    let mut ledgers = booked(7, 2000, 1, 6).1;
+    ledgers.objects[0] = "=cmd(\"x\"),\r\n1".to_owned();
+    for (text, rows) in [
+        (ledgers.spawner_csv(), ledgers.spawner.len()),
+        (ledgers.payer_csv(), ledgers.payer.len()),
+        (ledgers.matrix_csv(), ledgers.matrix.len()),
+    ] {
+        assert!(text.contains("\"'=cmd(\"\"x\"\"),\r\n1\""), "{text}");
+        let plain = text.replace("\"'=cmd(\"\"x\"\"),\r\n1\"", "x");
+        let columns = plain.lines().next().unwrap().split(',').count();
+        assert_eq!(plain.lines().count(), 1 + rows);
+        assert!(plain.lines().all(|line| line.split(',').count() == columns));
+    }
+}
