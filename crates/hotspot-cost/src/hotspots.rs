@@ -56,6 +56,9 @@ pub struct Hotspot {
     pub bbox: [u32; 4],
     /// Its pixels.
     pub pixels: usize,
+    /// Indices of its pixels, row by row from the top. Not written to files.
+    #[serde(skip)]
+    pub members: Vec<u32>,
     /// Its share of all pixels.
     pub pixel_share: f64,
     /// Its share of the frame's cost.
@@ -310,6 +313,7 @@ pub fn find(input: &HotspotInput<'_>, names: &[String], most: usize) -> Vec<Hots
                 name: object.and_then(|object| names.get(object as usize).cloned()),
                 factors,
                 cause: words::cause(&factors),
+                members: members.iter().map(|index| *index as u32).collect(),
                 ..Hotspot::default()
             })
         })

@@ -6,6 +6,7 @@ mod commands;
 mod demo;
 mod fail;
 mod interrupt;
+mod ledgers;
 mod memory;
 mod open;
 mod output;

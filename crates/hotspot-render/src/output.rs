@@ -2,6 +2,7 @@
 
 use crate::args::{MapsArg, ScaleArg, ViewArgs};
 use crate::fail::{FAILED, Fail};
+use crate::ledgers::ledger_tables;
 use hotspot_cost::document::View;
 use hotspot_cost::exr_io::{self, Header};
 use hotspot_cost::maps::{
@@ -242,6 +243,12 @@ impl<'a> Writer<'a> {
             maps,
             objects: (!objects.is_empty())
                 .then(|| ObjectLayer { ids: objects, names: object_names.to_vec() }),
+            materials: None,
+            hotspot_pixels: &hotspot_pixels(document, layers.pixels()),
+            ledgers: document
+                .ledgers
+                .as_ref()
+                .map_or_else(Vec::new, |ledgers| ledger_tables(ledgers, document.cost_model)),
             hotspots: document.hotspots.iter().map(|hotspot| card(hotspot, object_triangles)).collect(),
             facts: facts(document),
             totals: totals(document),
@@ -597,4 +604,17 @@ fn totals(document: &Document) -> Vec<TotalRow> {
 fn note(note: &hotspot_cost::document::Note) -> String {
     let times = if note.count > 1 { format!(" ({} times)", note.count) } else { String::new() };
     format!("{}: {}{times}", note.element, note.what)
+}
+
+/// Per pixel the rank of its hotspot, 0 for none.
+fn hotspot_pixels(document: &Document, pixels: usize) -> Vec<u16> {
+    let mut ranks = vec![0; pixels];
+    for hotspot in &document.hotspots {
+        for index in &hotspot.members {
+            if let Some(rank) = ranks.get_mut(*index as usize) {
+                *rank = u16::try_from(hotspot.rank).unwrap_or(u16::MAX);
+            }
+        }
+    }
+    if document.hotspots.iter().all(|h| h.members.is_empty()) { Vec::new() } else { ranks }
 }

@@ -83,6 +83,32 @@ pub struct HotspotCard {
     pub factors: Vec<Fact>,
 }
 
+/// A row of a ledger: something named, and its share of the frame's cost.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LedgerRow {
+    /// The object or material; "camera", "scene".
+    pub name: String,
+    /// Index into the names of the table's layer, so that its pixels can be shown; `None` for what has none.
+    pub id: Option<u32>,
+    /// Share of the frame's cost, 0..=1.
+    pub share: f64,
+    /// What else is known: "41 % shadow rays". May be empty.
+    pub detail: String,
+}
+
+/// A ledger: shares that add up to the frame's cost.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LedgerTable {
+    /// "Who sent the rays".
+    pub title: String,
+    /// What the shares are shares of, and what they do not say.
+    pub note: String,
+    /// Whether ids are those of materials (else of objects).
+    pub materials: bool,
+    /// Largest share first.
+    pub rows: Vec<LedgerRow>,
+}
+
 /// A row of the table of totals.
 #[derive(Clone, Debug)]
 pub struct TotalRow {
@@ -111,8 +137,14 @@ pub struct ReportInput<'a> {
     pub maps: Vec<MapLayer<'a>>,
     /// Objects for the read-out.
     pub objects: Option<ObjectLayer<'a>>,
+    /// Materials for the read-out, in the same way.
+    pub materials: Option<ObjectLayer<'a>>,
+    /// Per pixel the rank of the hotspot that it belongs to, 0 for none; empty when unknown.
+    pub hotspot_pixels: &'a [u16],
     /// Hotspots, costliest first.
     pub hotspots: Vec<HotspotCard>,
+    /// Cost by what sent the rays and by what they met.
+    pub ledgers: Vec<LedgerTable>,
     /// Settings and timings, most important first: the first six stand at the top.
     pub facts: Vec<Fact>,
     /// Totals per metric.

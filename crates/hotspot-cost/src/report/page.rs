@@ -1,8 +1,8 @@
 //! The page of one render.
 
-use super::input::{HotspotCard, ReportInput, TotalRow};
+use super::input::{HotspotCard, LedgerTable, ReportInput, TotalRow};
 use super::parts::{self, NAME, TEXT};
-use super::{escape, layers};
+use super::{codec, escape, layers};
 use crate::maps::view;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -35,6 +35,7 @@ pub fn html(input: &ReportInput<'_>) -> String {
             ("facts", &parts::facts(&input.facts[..input.facts.len().min(TOP_FACTS)])),
             ("beauty", &parts::image(picture.as_deref(), "beauty", "Rendered picture")),
             ("hotspots", &cards(hotspots)),
+            ("ledgers", &ledgers(&input.ledgers)),
             ("notices", &notices(input)),
             ("totals", &totals(&input.totals)),
             ("settings", &parts::table("settings", &[], &settings)),
@@ -103,6 +104,9 @@ fn data(input: &ReportInput<'_>, width: u32, height: u32) -> (Value, [layers::Gr
         "tables": layers::tables(),
         "maps": maps,
         "objects": input.objects.as_ref().map(|o| layers::objects(width, height, o)),
+        "materials": input.materials.as_ref().map(|o| layers::objects(width, height, o)),
+        "spots": (input.hotspot_pixels.len() == width as usize * height as usize && !input.hotspot_pixels.is_empty())
+            .then(|| codec::identifiers(width, height, input.hotspot_pixels)),
         "hotspots": boxes,
     });
     (value, grains)
@@ -147,6 +151,57 @@ fn cards(hotspots: &[HotspotCard]) -> String {
             "<button type=\"button\" class=\"show\" aria-pressed=\"false\">Show in the pictures</button>\
              </div></article>",
         );
+    }
+    out + "</div></section>"
+}
+
+/// Most rows of a ledger on the page; the JSON and the CSV files have the others.
+const LEDGER_ROWS: usize = 12;
+
+fn ledgers(tables: &[LedgerTable]) -> String {
+    if tables.iter().all(|table| table.rows.is_empty()) {
+        return String::new();
+    }
+    let mut out = String::from(
+        "<section class=\"block\"><h2>Who sends the rays, who is met</h2><div class=\"ledgers\">",
+    );
+    for table in tables.iter().filter(|table| !table.rows.is_empty()) {
+        let kind = if table.materials { "materials" } else { "objects" };
+        let _ = write!(
+            out,
+            "<div class=\"ledger\"><h3>{}</h3><p class=\"small\">{}</p><ul>",
+            escape::name(&table.title, NAME),
+            escape::name(&table.note, TEXT)
+        );
+        for row in table.rows.iter().take(LEDGER_ROWS) {
+            let name = escape::name(&row.name, NAME);
+            let share = if row.share.is_finite() { row.share.clamp(0.0, 1.0) } else { 0.0 };
+            let label = match row.id {
+                Some(id) => format!(
+                    "<button type=\"button\" data-kind=\"{kind}\" data-id=\"{id}\" aria-pressed=\"false\" \
+                     title=\"Show its pixels\">{name}</button>"
+                ),
+                None => format!("<span>{name}</span>"),
+            };
+            let _ = write!(
+                out,
+                "<li>{label}<i style=\"--share:{:.1}%\"></i><b>{}</b><small>{}</small></li>",
+                share * 100.0,
+                parts::percent(row.share),
+                escape::name(&row.detail, NAME)
+            );
+        }
+        if table.rows.len() > LEDGER_ROWS {
+            let rest: f64 = table.rows[LEDGER_ROWS..].iter().map(|row| row.share).sum();
+            let _ = write!(
+                out,
+                "<li><span>{} others</span><i style=\"--share:{:.1}%\"></i><b>{}</b><small></small></li>",
+                table.rows.len() - LEDGER_ROWS,
+                rest * 100.0,
+                parts::percent(rest)
+            );
+        }
+        out.push_str("</ul></div>");
     }
     out + "</div></section>"
 }

@@ -51,6 +51,14 @@ fn the_legend_says_what_the_view_altered() {
 }
 
 #[test]
+fn ledgers_are_rows_that_can_be_shown() {
+    let page = html(&Sample::new(32, 18, 1.0, 1).report());
+    assert!(page.contains("data-kind=\"objects\" data-id=\"0\""));
+    assert!(page.contains("Wall &lt;b&gt;") && page.contains("<span>camera</span>"));
+    assert!(page.contains("--share:60.0%") && page.contains("40 % shadow rays"));
+}
+
+#[test]
 fn hostile_names_stay_text() {
     let evil = "</script><script>alert(1)</script><img src=x onerror=alert(2)>\"'&{{data}}\u{202e}\0<!--";
     let sample = Sample::new(16, 9, 1.0, 1);
@@ -110,6 +118,9 @@ fn hostile_sizes_still_give_a_page() {
                 beauty,
                 maps: vec![layer],
                 objects: Some(ObjectLayer { ids: &[1, 2], names: Vec::new() }),
+                materials: Some(ObjectLayer { ids: &[1], names: Vec::new() }),
+                hotspot_pixels: &[1, 2, 3],
+                ledgers: Vec::new(),
                 hotspots: input,
                 facts: Vec::new(),
                 totals: Vec::new(),

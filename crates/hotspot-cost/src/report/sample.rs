@@ -126,6 +126,22 @@ impl Sample {
             verdict: "41 % of the cost lies in 14 % of the pixels: mirror “Wardrobe”".into(),
             beauty: &self.beauty,
             maps: self.layers(),
+            materials: None,
+            hotspot_pixels: &[],
+            ledgers: vec![LedgerTable {
+                title: "Who sent the rays".into(),
+                note: "Shares of the intersection cost, by the object that rays leave.".into(),
+                materials: false,
+                rows: vec![
+                    LedgerRow {
+                        name: "Wall <b>".into(),
+                        id: Some(0),
+                        share: 0.6,
+                        detail: "40 % shadow rays".into(),
+                    },
+                    LedgerRow { name: "camera".into(), id: None, share: 0.4, detail: String::new() },
+                ],
+            }],
             objects: Some(ObjectLayer {
                 ids: &self.ids,
                 names: ["Walls", "Ball", "Wardrobe mirror", "Floor", "Lamp"].map(String::from).into(),

@@ -56,10 +56,15 @@ pub(super) fn figure(red: &Subject, blue: &Subject, scale: Scale) -> Result<Figu
                     where_
                         .iter()
                         .take(3)
-                        .map(|(name, change, share)| format!(
-                            "{name} {change} per path ({:.0} % of all)",
-                            100.0 * share
-                        ))
+                        .map(|row| {
+                            let red = if row.red { " (red)" } else { "" };
+                            format!(
+                                "{}{red} {} per path ({:.0} % of all)",
+                                row.name,
+                                row.change,
+                                100.0 * row.share
+                            )
+                        })
                         .collect::<Vec<_>>()
                         .join("; ")
                 ),
