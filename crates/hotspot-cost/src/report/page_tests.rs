@@ -22,7 +22,7 @@ fn a_full_page_stays_below_five_megabytes() {
     let data = embedded(&page);
     assert_eq!(data["maps"].as_array().unwrap().len(), 23);
     assert_eq!(data["maps"][1]["metric"], "intersection");
-    let back = super::super::codec::tests::unpack(&data["maps"][1]["plane"]);
+    let back = codec::tests::unpack(&data["maps"][1]["plane"]);
     let worst =
         sample.planes[1].iter().zip(&back).map(|(a, b)| (a - b).abs() / a.max(1.0)).fold(0.0, f32::max);
     assert!(worst < 0.005, "{worst}");

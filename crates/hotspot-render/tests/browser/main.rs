@@ -1,6 +1,7 @@
 //! The pages in a real browser: a script plays the reader (hover, sliders, keys, clicks) and writes down what changed.
 //!
 //! Needs Chromium or Chrome (`CHROMIUM=/path/to/it`, or on the PATH); skips visibly without.
+#![allow(clippy::print_stderr, reason = "a skipped test says so")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
