@@ -150,7 +150,7 @@ pub(super) fn many() -> Doc {
     let plaster = doc.matte("Plaster", [0.7, 0.7, 0.68]);
     let lacquer = doc.material("Lacquer", pbr([0.4, 0.1, 0.08], 0.0, 0.3));
     doc.add("Block", &block(0.7, 0.9, 0.7), plaster, [-0.85, 0.0, -0.4]);
-    doc.add("Ball", &sphere(0.42, 18), lacquer, [0.25, 0.42, 0.3]);
+    doc.add("Ball", &sphere(0.42, 20), lacquer, [0.25, 0.42, 0.3]);
     doc.add("Pole", &cylinder(0.08, 1.1, 0.0, 16), plaster, [1.15, 0.0, -0.1]);
     doc.look("Camera", v(0.0, 1.1, 6.0), v(0.0, 0.76, 0.0), 21.5);
     doc
