@@ -5,7 +5,7 @@
 //! each channel, Šidák's level for a false-alarm rate of 0.1 % a picture. The seeds are fixed, so a test that passes once
 //! passes always. `convergence.rs` does the same with large pictures of shared scenes.
 //!
-//! Short: 4 × 16 samples per pixel. Long (ignored): 16 × 64, which sees deviations about a third as large.
+//! Short: 8 × 16 samples per pixel. Long (ignored): 16 × 64, which sees deviations less than half as large.
 //!
 //! When a picture fails, `target/reference-differences/NAME.png` shows ours, the reference and where they differ.
 
@@ -27,7 +27,7 @@ const EDGE: usize = 8;
 
 /// Renders, and samples per pixel of each.
 type Effort = (u64, u32);
-const SHORT: Effort = (4, 16);
+const SHORT: Effort = (8, 16);
 const LONG: Effort = (16, 64);
 
 fn folder() -> PathBuf {
