@@ -5,6 +5,7 @@
 //! test that passes once passes always.
 #![forbid(unsafe_code)]
 
+pub mod agreement;
 pub mod picture;
 pub mod reference;
 pub mod stats;

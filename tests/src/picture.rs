@@ -31,9 +31,13 @@ impl Picture {
 
     /// An EXR file with R, G and B.
     pub fn read(path: &Path) -> Self {
+        Self::read_channels(path, ["R", "G", "B"])
+    }
+
+    /// Three channels of an EXR file.
+    pub fn read_channels(path: &Path, channels: [&str; 3]) -> Self {
         let file = exr_io::read(path, &exr_io::Limits::default()).expect("the picture reads");
-        let plane = |name| file.layers.plane(name).expect("the picture has R, G and B");
-        let (r, g, b) = (plane("R"), plane("G"), plane("B"));
+        let [r, g, b] = channels.map(|name| file.layers.plane(name).expect("the picture has the channels"));
         let pixels =
             r.iter().zip(g).zip(b).map(|((r, g), b)| [f64::from(*r), f64::from(*g), f64::from(*b)]).collect();
         Self { width: file.layers.width as usize, height: file.layers.height as usize, pixels }

@@ -16,10 +16,11 @@
 //! Short: 4 × 16 samples per pixel. Long (ignored): 8 × 128.
 
 use hotspot_integrator::Settings;
-use hotspot_tests::picture::{Picture, picture, settings, tiles};
+use hotspot_tests::agreement::{Difference, Estimate, Tests};
+use hotspot_tests::picture::{Picture, picture, settings};
 use hotspot_tests::reference::{Loaded, Reference, reference, shared_scene};
 use hotspot_tests::say;
-use hotspot_tests::stats::{Variance, mean_and_variance, p_value, quantile, sidak, slope};
+use hotspot_tests::stats::{Variance, mean_and_variance, p_value, quantile, slope};
 use std::fmt::Write;
 
 /// Rate of any false alarm among the tiles of one picture.
@@ -116,11 +117,14 @@ fn check(scene: &str, name: &str, max_depth: u32, roulette_from: Option<u32>, ef
     let lit = picture(&loaded.scene, &loaded.camera, &emitters).lit();
 
     let mut problems = String::new();
-    let ours = PixelStats::of(&renders);
+    let ours = Estimate::of(&renders);
+    let expected = Estimate::of(&[reference.a.clone(), reference.b.clone()]);
     let samples = effort.renders * u64::from(effort.spp);
     say(&format!("{name}, depth {max_depth}, {} x {} = {samples} spp", effort.renders, effort.spp));
-    means(&ours, &reference, &lit, &mut problems);
-    tile_tests(&ours, &reference, &lit, &mut problems);
+    means(&ours, &expected, &lit, &mut problems);
+    let tiles = Tests::new(&ours, &expected, |i| !lit[i], EDGE, false, FAMILY);
+    say(&format!("  tiles: {}", tiles.summary()));
+    problems += &tiles.problems();
     if !effort.steps.is_empty() {
         let mut ladder: Vec<(u32, Vec<f64>)> = effort
             .steps
@@ -136,105 +140,18 @@ fn check(scene: &str, name: &str, max_depth: u32, roulette_from: Option<u32>, ef
     assert!(problems.is_empty(), "{name}:\n{problems}");
 }
 
-/// Mean over renders and the variance of that mean, by pixel and channel.
-struct PixelStats {
-    mean: Vec<[f64; 3]>,
-    variance: Vec<[f64; 3]>,
-    dof: f64,
-}
-
-impl PixelStats {
-    fn of(renders: &[Picture]) -> Self {
-        let pixels = renders[0].pixels.len();
-        let (mut mean, mut variance) = (vec![[0.0; 3]; pixels], vec![[0.0; 3]; pixels]);
-        for i in 0..pixels {
-            for c in 0..3 {
-                let values: Vec<f64> = renders.iter().map(|r| r.pixels[i][c]).collect();
-                (mean[i][c], variance[i][c]) = mean_and_variance(&values);
-            }
-        }
-        Self { mean, variance, dof: renders.len() as f64 - 1.0 }
-    }
-
-    /// Our sum minus the reference's over some pixels, the reference's sum, and the difference's variance.
-    fn difference(
-        &self,
-        reference: &Reference,
-        pixels: impl Iterator<Item = usize>,
-        c: usize,
-    ) -> (f64, f64, Variance) {
-        let (mut difference, mut sum, mut variance) = (0.0, 0.0, Variance::default());
-        for i in pixels {
-            let [a, b] = [&reference.a, &reference.b].map(|half| half.pixels[i][c]);
-            difference += self.mean[i][c] - 0.5 * (a + b);
-            sum += 0.5 * (a + b);
-            variance.add(self.variance[i][c], self.dof);
-            variance.add(0.25 * (a - b) * (a - b), 1.0);
-        }
-        (difference, sum, variance)
-    }
-}
-
-fn means(ours: &PixelStats, reference: &Reference, lit: &[bool], problems: &mut String) {
+fn means(ours: &Estimate, reference: &Estimate, lit: &[bool], problems: &mut String) {
     let mut line = String::from("  means: ");
     for (c, channel) in ["R", "G", "B"].into_iter().enumerate() {
         let unlit = (0..lit.len()).filter(|i| !lit[*i]);
-        let (difference, sum, variance) = ours.difference(reference, unlit, c);
-        let (relative, sigma) = (difference / sum, variance.sigma() / sum);
+        let found = Difference::of(ours, reference, unlit, c);
+        let (relative, sigma) = (found.relative(), found.variance.sigma() / found.sum);
         let _ = write!(line, "{channel} {:+.4} % ± {:.4} %  ", 100.0 * relative, 100.0 * sigma);
         if relative.abs() > (4.0 * sigma).max(0.003) {
             let _ = writeln!(problems, "mean of {channel} off by {relative:+.2e}, sigma {sigma:.1e}");
         }
     }
     say(&line);
-}
-
-fn tile_tests(ours: &PixelStats, reference: &Reference, lit: &[bool], problems: &mut String) {
-    let tiles = tiles(reference.mean.width, reference.mean.height, EDGE);
-    let per_row = reference.mean.width.div_ceil(EDGE);
-    let mut results = Vec::new();
-    for (t, tile) in tiles.iter().enumerate() {
-        for c in 0..3 {
-            let unlit = tile.iter().copied().filter(|i| !lit[*i]);
-            let (difference, sum, variance) = ours.difference(reference, unlit, c);
-            // Tiles that are black in both say nothing.
-            if sum != 0.0 || difference != 0.0 {
-                let z = difference / variance.sigma();
-                results.push((variance.p_value(difference), z, t, c, difference / sum));
-            }
-        }
-    }
-    let level = sidak(FAMILY, results.len());
-    let below = |p: f64| results.iter().filter(|r| r.0 < p).count();
-    let worst = results.iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("there are tiles");
-    say(&format!(
-        "  tiles: {} tests at level {level:.1e}; smallest p {:.1e} (tile {}, {} channel {}, {:+.2} %); \
-         p < 0.05: {:.1} %, p < 0.01: {:.2} %",
-        results.len(),
-        worst.0,
-        worst.2 % per_row,
-        worst.2 / per_row,
-        worst.3,
-        100.0 * worst.4,
-        100.0 * below(0.05) as f64 / results.len() as f64,
-        100.0 * below(0.01) as f64 / results.len() as f64,
-    ));
-    if worst.0 >= level {
-        return;
-    }
-    let _ =
-        writeln!(problems, "{} of {} tile tests below {level:.1e}; t by tile:", below(level), results.len());
-    for c in 0..3 {
-        let _ = writeln!(problems, "channel {c}");
-        for row in 0..tiles.len() / per_row {
-            for column in 0..per_row {
-                let t = row * per_row + column;
-                let cell = results.iter().find(|r| r.2 == t && r.3 == c);
-                let _ = write!(problems, "{:>5}", cell.map_or("-".into(), |r| format!("{:.1}", r.1)));
-            }
-            problems.push('\n');
-        }
-    }
 }
 
 /// Squared error relative to the reference, freed of the reference's own.

@@ -20,6 +20,8 @@ pub(crate) fn closest_hit<S: Simd, R: RayProbe, C: Class>(
     bounce: u32,
     probe: R,
 ) -> Option<Hit> {
+    #[cfg(test)]
+    crate::kernel::ray_counts::record(ray, sampler.ray_key(2 * bounce), false);
     if has::<C>(Feature::Cutouts) && scene.cutouts {
         let filter = Cutouts { scene, ray_key: sampler.ray_key(2 * bounce) };
         scene.bvh.closest_hit_filtered(simd, ray, filter, probe)
@@ -40,6 +42,8 @@ pub(crate) fn occluded<S: Simd, R: RayProbe, C: Class>(
     bounce: u32,
     probe: R,
 ) -> bool {
+    #[cfg(test)]
+    crate::kernel::ray_counts::record(ray, sampler.ray_key(2 * bounce + 1), true);
     if has::<C>(Feature::Cutouts) && scene.cutouts {
         let filter = Cutouts { scene, ray_key: sampler.ray_key(2 * bounce + 1) };
         scene.bvh.occluded_filtered(simd, ray, filter, probe)

@@ -243,6 +243,9 @@ fn sample<S: Simd, P: Probe, C: Class>(
 }
 
 #[cfg(test)]
+pub(crate) mod ray_counts;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 

@@ -1,6 +1,6 @@
 use super::*;
 use crate::testing::{Random, random_frame};
-use crate::{Cause, FrameDesc, PathEnd};
+use crate::{Cause, FrameDesc, PathEnd, Rect, Sum};
 use hotspot_probe::Spawner;
 
 /// A frame whose paths visit 10·(1 + x) plus or minus up to 8 nodes, drawn independently, and the true mean.
@@ -148,4 +148,38 @@ fn an_empty_half_gives_no_interval_by_halves() {
         assert_eq!(kind, if squares { CiKind::Conservative } else { CiKind::None }, "{metric:?}");
     }
     assert_eq!(estimated_relmse(&frame).unwrap().1, CiKind::Conservative);
+}
+
+/// One pixel of four has a path that visits more nodes, one in each half.
+#[test]
+fn halves_that_agree_by_chance_give_way_to_the_bound() {
+    let of = |rare: [u32; 2]| {
+        let mut frame = Frame::new(FrameDesc { intervals: true, ..FrameDesc::new(4, 1) });
+        for (x, y) in frame.pixels() {
+            for half in 0..2 {
+                for sample in 0..4 {
+                    let nodes = if x == 1 && sample < rare[half] { 9 } else { 1 };
+                    let mut pixel = frame.tiles_mut()[0].pixel(x, y, half);
+                    let mut path = pixel.path();
+                    path.add_ray(Spawner::CAMERA, nodes, 1, true);
+                    let cause = Cause::Escaped;
+                    path.end(PathEnd { cause, throughput: 1.0, brought_radiance: true, first_object: 0 });
+                }
+            }
+        }
+        let whole = total(&frame, Metric::Nodes, CostModel::default());
+        let part = Rect { x: 0, y: 0, width: 2, height: 9 };
+        (whole, region(&frame, part, Metric::Nodes, CostModel::default()))
+    };
+    let width = |total: &Total| total.ci95.map(|[low, high]| high - low).unwrap();
+    let (whole, part) = of([1, 1]);
+    assert_eq!((whole.ci_kind, part.ci_kind), (CiKind::Conservative, CiKind::Conservative));
+    // s² = 8²·(2·6/8)/7 = 96/7 over 8 samples, at 7 degrees of freedom, the pixel one of two.
+    let expected = 2.0 * crate::student::quantile95(7.0) * 0.5 * (96.0 / 56.0_f64).sqrt();
+    assert!((width(&part) - expected).abs() < 1e-9 && (width(&whole) - 0.5 * expected).abs() < 1e-9);
+    assert_eq!((part.sum, part.mean), (Sum::Exact(32), 2.0));
+    // Halves that differ say how much themselves; where no sample differs, there is nothing to fear.
+    assert_eq!(of([1, 2]).0.ci_kind, CiKind::Halves);
+    let (whole, _) = of([0, 0]);
+    assert_eq!((whole.ci_kind, width(&whole)), (CiKind::Halves, 0.0));
 }

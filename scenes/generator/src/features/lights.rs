@@ -3,7 +3,7 @@
 use super::doc::{Doc, light, merge, pbr};
 use super::stage::{card, turned};
 use crate::gltf_writer::numbers;
-use crate::math::{X, Y, Z, v};
+use crate::math::{Dice, X, Y, Z, v};
 use crate::shapes::{Mesh, block, cuboid, cylinder, join, quad, sphere};
 use serde_json::json;
 
@@ -115,5 +115,43 @@ pub(super) fn environment() -> Doc {
     let red = doc.matte("Red", [0.7, 0.1, 0.06]);
     doc.add("Block", &block(0.1, 0.5, 0.1), red, [0.4, 0.0, 0.7]);
     doc.look("Camera", v(0.0, 0.9, 6.0), v(0.0, 0.85, 0.0), 21.5);
+    doc
+}
+
+/// A ceiling of 216 panels in six colours, of all sizes and strengths: 432 triangles that shine.
+pub(super) fn many() -> Doc {
+    let mut doc = Doc::new("many-lights");
+    let floor = doc.matte("Floor", [0.5, 0.5, 0.48]);
+    let wall = doc.matte("Wall", [0.55, 0.52, 0.5]);
+    doc.add("Floor", &quad(v(-3.0, 0.0, 2.5), X * 6.0, Z * -4.0), floor, [0.0; 3]);
+    doc.add("Wall", &quad(v(-3.0, 0.0, -1.5), X * 6.0, Y * 3.0), wall, [0.0; 3]);
+    let mut dice = Dice::new(11);
+    let colors = [
+        [1.0, 0.35, 0.2],
+        [0.9, 0.8, 0.25],
+        [0.3, 0.9, 0.35],
+        [0.25, 0.75, 1.0],
+        [0.35, 0.3, 1.0],
+        [1.0, 0.9, 0.8],
+    ];
+    for (i, color) in colors.into_iter().enumerate() {
+        let panels = (0..36).map(|k| {
+            // A grid of 18 x 12 places, dealt to the colours in turn.
+            let place = 6 * k + i;
+            let (x, z) = ((place % 18) as f64, (place / 18) as f64);
+            let (width, depth) = (dice.range(0.04, 0.18), dice.range(0.04, 0.18));
+            let corner = v(-2.2 + 0.25 * x, dice.range(1.6, 2.3), -1.2 + 0.2 * z);
+            quad(corner, X * width, Z * depth)
+        });
+        let strength = 5.0 + 5.0 * i as f64;
+        let material = doc.material(&format!("Panels {i}"), light(color, strength));
+        doc.add(&format!("Panels {i}"), &join(panels), material, [0.0; 3]);
+    }
+    let plaster = doc.matte("Plaster", [0.7, 0.7, 0.68]);
+    let lacquer = doc.material("Lacquer", pbr([0.4, 0.1, 0.08], 0.0, 0.3));
+    doc.add("Block", &block(0.7, 0.9, 0.7), plaster, [-0.85, 0.0, -0.4]);
+    doc.add("Ball", &sphere(0.42, 20), lacquer, [0.25, 0.42, 0.3]);
+    doc.add("Pole", &cylinder(0.08, 1.1, 0.0, 16), plaster, [1.15, 0.0, -0.1]);
+    doc.look("Camera", v(0.0, 1.1, 6.0), v(0.0, 0.76, 0.0), 21.5);
     doc
 }

@@ -127,6 +127,24 @@ pub(super) fn specular_ior() -> Doc {
     doc
 }
 
+/// The coat by roughness, at an index of 1.5 above and of 2 below, on a coated floor.
+pub(super) fn substrate() -> Doc {
+    let mut doc = Doc::new("substrate");
+    doc.stage(Lit::Well);
+    let coat = |color: [f64; 3], roughness: f64, ior: f64| {
+        with(pbr(color, 0.0, roughness), json!({ "extensions": { "KHR_materials_ior": { "ior": ior } } }))
+    };
+    let row = |color: [f64; 3], ior: f64| {
+        [0.07, 0.15, 0.25, 0.35, 0.5]
+            .map(|r| (format!("Index {ior}, roughness {r}"), coat(color, r, ior)))
+            .to_vec()
+    };
+    spheres(&mut doc, 0.28, &[row([0.55, 0.12, 0.1], 1.5), row([0.1, 0.3, 0.5], 2.0)]);
+    let tray = doc.material("Tray", coat([0.3, 0.28, 0.1], 0.2, 2.0));
+    doc.add("Tray", &block(3.2, 0.1, 1.6), tray, [0.0; 3]);
+    doc
+}
+
 /// Above: KHR_materials_pbrSpecularGlossiness. Below: the metallic-roughness material that is the same here.
 pub(super) fn specular_glossiness() -> Doc {
     let mut doc = Doc::new("specular-glossiness");
