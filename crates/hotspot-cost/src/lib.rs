@@ -31,6 +31,7 @@
 
 pub mod analysis;
 pub mod compare;
+pub mod convergence;
 mod counter;
 mod digest;
 pub mod document;
