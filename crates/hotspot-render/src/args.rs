@@ -1,5 +1,6 @@
 //! What can be said on the command line.
 
+use crate::commands::error::ErrorArgs;
 use crate::fail::Fail;
 use crate::open::SceneArgs;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
@@ -20,6 +21,7 @@ Examples:
   hotspot-render scene.gltf --camera \"Kitchen\" --intervals
   hotspot-render compare before.exr after.exr      what a change did to the cost, with intervals
   hotspot-render compare a.exr b.exr --fail-over nodes=2%
+  hotspot-render error scene.gltf --vary sampler=independent,sobol      seconds against error, side by side
   hotspot-render report other-renderer.exr         maps and page from any EXR with cost.* channels";
 
 /// A path tracer that shows what every pixel of a scene costs, and why.
@@ -44,6 +46,8 @@ pub(crate) enum Command {
     Compare(CompareArgs),
     /// Make maps and the page from an EXR file with cost.* channels
     Report(ReportArgs),
+    /// Measure speed against error
+    Error(Box<ErrorArgs>),
 }
 
 /// The names of the commands, `help` last.
@@ -134,7 +138,7 @@ pub(crate) struct RenderArgs {
 }
 
 /// The film and the paths that end on it.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(crate) struct FilmArgs {
     /// Size in pixels [default: 960 on the long edge, at the camera's aspect; 640 for --demo]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]

@@ -37,6 +37,7 @@ fn main() -> ExitCode {
         Command::Render(options) => commands::render::run(&options),
         Command::Compare(options) => commands::compare::run(&options),
         Command::Report(options) => commands::report::run(&options),
+        Command::Error(options) => commands::error::run(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

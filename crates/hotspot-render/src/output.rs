@@ -1,6 +1,7 @@
 //! Writes what a command made: EXR, JSON, PNGs and the page.
 
 use crate::args::{MapsArg, ScaleArg, ViewArgs};
+use crate::commands::make_folder;
 use crate::fail::{FAILED, Fail};
 use crate::ledgers::ledger_tables;
 use hotspot_cost::document::View;
@@ -70,19 +71,7 @@ pub(crate) fn stem(path: &Path) -> String {
 impl<'a> Writer<'a> {
     /// Makes the folder and reads the ranges of `--scale FILE`.
     pub(crate) fn new(folder: &'a Path, views: &'a ViewArgs) -> Result<Self, Fail> {
-        std::fs::create_dir_all(folder).map_err(|e| {
-            Fail::new(
-                FAILED,
-                format!("cannot make the folder {}: {e}; choose another with -o", folder.display()),
-            )
-        })?;
-        // An unwritable folder should not cost a render.
-        tempfile::tempfile_in(folder).map_err(|e| {
-            Fail::new(
-                FAILED,
-                format!("cannot write into {}: {e}; choose another folder with -o", folder.display()),
-            )
-        })?;
+        make_folder(folder)?;
         let ranges = match &views.scale {
             Some(ScaleArg::File(file)) => {
                 let place = file.display().to_string();

@@ -13,6 +13,7 @@ mod heat;
 mod legend;
 mod numbers;
 mod picture;
+mod plot;
 mod text;
 mod view;
 
@@ -22,4 +23,5 @@ pub use heat::{HeatMap, HeatOptions, heat_map};
 pub use legend::notes;
 pub use numbers::{compact, ticks};
 pub use picture::{crop, encode_png, thumbnail, write_atomic, write_png};
+pub use plot::{Curve, LogPlot};
 pub use view::{DEFAULT_CLIP, SPIKE, Scale, View, view};
