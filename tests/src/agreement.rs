@@ -24,10 +24,10 @@ impl Estimate {
     pub fn of(renders: &[Picture]) -> Self {
         let mut mean = renders[0].clone();
         let mut variance = vec![[0.0; 3]; mean.pixels.len()];
-        for i in 0..variance.len() {
-            for c in 0..3 {
+        for (i, (mean, variance)) in mean.pixels.iter_mut().zip(&mut variance).enumerate() {
+            for (c, (mean, variance)) in mean.iter_mut().zip(variance).enumerate() {
                 let values: Vec<f64> = renders.iter().map(|r| r.pixels[i][c]).collect();
-                (mean.pixels[i][c], variance[i][c]) = mean_and_variance(&values);
+                (*mean, *variance) = mean_and_variance(&values);
             }
         }
         Self { mean, variance, dof: renders.len() as f64 - 1.0 }
