@@ -1,8 +1,8 @@
 //! Do our pictures agree with those of an independent renderer?
 //!
 //! `tests/references` holds small pictures of the project's own scenes by Mitsuba 3, with their variance; its README says how
-//! they were made. Each is compared with ours, rendered with several seeds, in tiles of 8×8 and 2×2 pixels and as a whole: Student's t of
-//! each channel, Šidák's level for a false-alarm rate of 0.1 % a picture. The seeds are fixed, so a test that passes once
+//! they were made. Each is compared with ours, rendered with several seeds, in tiles of 8×8 and 2×2 pixels and as a whole:
+//! Student's t of each channel, Šidák's level for a false-alarm rate of 0.1 % a picture. The seeds are fixed, so a test that passes once
 //! passes always. `convergence.rs` does the same with large pictures of shared scenes.
 //!
 //! Short: 8 × 16 samples per pixel. Long (ignored): 16 × 64, which sees deviations less than half as large.
@@ -217,8 +217,11 @@ fn brighten(material: &mut Material, by: f32) {
     }
 }
 
-/// What a change of the scene has to be to be seen, as (name, what, change).
-fn faults(size: f32) -> Vec<(&'static str, &'static str, Box<dyn Fn(&mut Scene)>)> {
+/// Picture, what is changed, and how.
+type Fault = (&'static str, &'static str, Box<dyn Fn(&mut Scene)>);
+
+/// Changes of a relative size.
+fn faults(size: f32) -> Vec<Fault> {
     let all =
         move |by: f32| move |scene: &mut Scene| scene.materials.iter_mut().for_each(|m| brighten(m, by));
     let named = |scene: &mut Scene, part: &str, f: &dyn Fn(&mut Material)| {

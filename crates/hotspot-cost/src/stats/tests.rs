@@ -156,9 +156,9 @@ fn halves_that_agree_by_chance_give_way_to_the_bound() {
     let of = |rare: [u32; 2]| {
         let mut frame = Frame::new(FrameDesc { intervals: true, ..FrameDesc::new(4, 1) });
         for (x, y) in frame.pixels() {
-            for half in 0..2 {
+            for (half, rare) in rare.into_iter().enumerate() {
                 for sample in 0..4 {
-                    let nodes = if x == 1 && sample < rare[half] { 9 } else { 1 };
+                    let nodes = if x == 1 && sample < rare { 9 } else { 1 };
                     let mut pixel = frame.tiles_mut()[0].pixel(x, y, half);
                     let mut path = pixel.path();
                     path.add_ray(Spawner::CAMERA, nodes, 1, true);
