@@ -26,7 +26,7 @@
 //! ```
 //!
 //! # Limits
-//! Ledgers are not gathered yet. Pixels are compared as tiles of 8 × 8. Time has no intervals: they need repeated renders.
+//! Pixels are compared as tiles of 8 × 8. Time has no intervals: they need repeated renders.
 #![forbid(unsafe_code)]
 
 pub mod analysis;
