@@ -35,6 +35,7 @@ mod counter;
 mod digest;
 pub mod document;
 mod error;
+mod expected_error;
 #[cfg(feature = "exr")]
 pub mod exr_io;
 mod frame;
