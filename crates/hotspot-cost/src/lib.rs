@@ -36,6 +36,7 @@ mod counter;
 mod digest;
 pub mod document;
 mod error;
+mod expected_error;
 #[cfg(feature = "exr")]
 pub mod exr_io;
 mod frame;

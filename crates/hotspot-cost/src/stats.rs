@@ -15,6 +15,7 @@
 //! when pixel means are normal, and close for frames of a few hundred pixels whatever they are. Sample counts are taken
 //! as given: if they were chosen by what the samples showed (adaptive sampling), intervals come out slightly narrow.
 
+pub use crate::expected_error::estimated_relmse;
 use crate::frame::Frame;
 use crate::layers::{mean, variance_of_mean};
 use crate::metric::{CostModel, Metric, Sum};
@@ -170,40 +171,6 @@ fn conservative_variance(
         }
     }
     Some(variance)
-}
-
-/// What the picture's relative squared error is expected to be: the mean over pixels and channels of
-/// Var(mean)/(mean² + 0.01), with the variance from halves or else s²/n ([`CiKind::Conservative`]: too large). `None`
-/// without two samples anywhere. The mean itself stands for the unknown true value, so single bright outliers ("fireflies")
-/// that no sample has found yet are not in it.
-pub fn estimated_relmse(frame: &Frame) -> Option<(f64, CiKind)> {
-    let intervals = frame.desc().intervals;
-    let mut kind = if intervals { CiKind::Halves } else { CiKind::Conservative };
-    let (mut sum, mut pixels) = (0.0, 0_u64);
-    for (x, y) in frame.pixels() {
-        let film = frame.film_total(x, y);
-        if film.samples < 2 {
-            continue;
-        }
-        pixels += 1;
-        let halves =
-            intervals && (0..2).all(|half| frame.film(x, y, half).is_some_and(|film| film.samples > 0));
-        if !halves {
-            kind = CiKind::Conservative;
-        }
-        for channel in 0..3 {
-            let value = mean(film.sum[channel], film.samples);
-            let variance = if halves {
-                let [a, b] = [0, 1]
-                    .map(|half| frame.film(x, y, half).map_or(0.0, |f| mean(f.sum[channel], f.samples)));
-                0.25 * (a - b) * (a - b)
-            } else {
-                variance_of_mean(film.sum[channel], film.squares[channel], film.samples).unwrap_or(0.0)
-            };
-            sum += variance / (value * value + 0.01);
-        }
-    }
-    (pixels > 0).then(|| (sum / (3 * pixels) as f64, kind))
 }
 
 #[cfg(test)]
