@@ -14,7 +14,7 @@ use crate::node::{Child, Node};
 use crate::ray::{Hit, NO_INSTANCE, Ray};
 use crate::simd::{F8, Simd};
 use crate::stack::Stack;
-use crate::triangle::{FAR_PAD, RayFrame, confirm, details};
+use crate::triangle::{Block, FAR_PAD, RayFrame, decide, details};
 use hotspot_probe::RayProbe;
 
 /// A child waiting: the distance's bits (ordered as the distance, which is not negative) above the child word.
@@ -79,6 +79,57 @@ impl<S: Simd> SlabTest<S> {
         let far = s.min(self.plane(s, node, 2, !z), far);
         let far = s.min(s.mul(far, s.splat(FAR_PAD)), s.splat(t_max));
         (near, s.le(near, far))
+    }
+}
+
+/// Triangles of a block that pass rule 2 by `t_max`, and may pass rule 1 ([`Block::candidates`]); both rules are those of
+/// `triangle.rs`.
+struct Candidates {
+    lanes: u32,
+    /// Those that surely pass rule 1.
+    inside: u32,
+    enter: F8,
+    leave: F8,
+}
+
+impl<S: Simd> SlabTest<S> {
+    /// As [`slab_interval`](crate::triangle::slab_interval) for each lane; only where rule 1 leaves any.
+    #[inline(always)]
+    fn candidates(&self, s: S, block: &Block, frame: &RayFrame, t_max: f32) -> Option<Candidates> {
+        let (lanes, inside) = block.candidates(s, frame);
+        if lanes == 0 {
+            return None;
+        }
+        let mut enter = s.splat(0.0);
+        let mut leave = s.splat(f32::INFINITY);
+        for axis in 0..3 {
+            let extent = block.extent(s, axis);
+            let side = usize::from(self.down[axis]);
+            let plane = |bound| s.mul(s.sub(bound, self.origin[axis]), self.inverse[axis]);
+            enter = s.max(plane(extent[side]), enter);
+            leave = s.min(plane(extent[1 - side]), leave);
+        }
+        let near = s.max(enter, self.t_min);
+        let far = s.min(s.mul(leave, s.splat(FAR_PAD)), s.splat(t_max));
+        let lanes = lanes & s.le(near, far);
+        (lanes != 0).then(
+            #[inline(always)]
+            || Candidates { lanes, inside, enter: s.store(enter), leave: s.store(leave) },
+        )
+    }
+}
+
+impl Candidates {
+    /// The next lane, and where its triangle is hit by `t_max`.
+    #[inline(always)]
+    fn next(&mut self, block: &Block, frame: &RayFrame, t_max: f32) -> (usize, [[f32; 3]; 3], Option<f32>) {
+        let lane = self.lanes.trailing_zeros() as usize & 7;
+        self.lanes &= self.lanes - 1;
+        let triangle = block.triangle(lane);
+        let inside = self.inside >> lane & 1 != 0;
+        let interval = (self.enter.0[lane], self.leave.0[lane]);
+        let t = decide(frame, &triangle, interval, inside, t_max);
+        (lane, triangle, t)
     }
 }
 
@@ -169,12 +220,12 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
             let index = current.index();
             let block = &bvh.blocks[index];
             probe.leaf(index as u32, block.count());
-            let mut candidates = block.candidates(s, frame);
-            while candidates != 0 {
-                let lane = candidates.trailing_zeros() as usize & 7;
-                candidates &= candidates - 1;
-                let triangle = block.triangle(lane);
-                if let Some(t) = confirm(frame, &triangle, best.t) {
+            let mut candidates = slabs.candidates(s, block, frame, best.t);
+            while let Some(left) = &mut candidates
+                && left.lanes != 0
+            {
+                let (lane, triangle, hit) = left.next(block, frame, best.t);
+                if let Some(t) = hit {
                     let primitive = block.primitives[lane];
                     // Triangles of the world win ties against those of instances.
                     let wins_ties = primitive < best.primitive || (INSTANCED && best.instance != NO_INSTANCE);
@@ -320,12 +371,12 @@ fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
             let index = current.index();
             let block = &bvh.blocks[index];
             probe.leaf(index as u32, block.count());
-            let mut candidates = block.candidates(s, frame);
-            while candidates != 0 {
-                let lane = candidates.trailing_zeros() as usize & 7;
-                candidates &= candidates - 1;
-                let triangle = block.triangle(lane);
-                if confirm(frame, &triangle, t_max).is_some_and(|t| t < t_max) {
+            let mut candidates = slabs.candidates(s, block, frame, t_max);
+            while let Some(left) = &mut candidates
+                && left.lanes != 0
+            {
+                let (lane, triangle, hit) = left.next(block, frame, t_max);
+                if hit.is_some_and(|t| t < t_max) {
                     let primitive = block.primitives[lane];
                     let candidate = Candidate { instance, primitive, frame, triangle: &triangle };
                     if !F::ON || filter.accept(&candidate, probe) {
