@@ -15,6 +15,7 @@ use crate::ray::{Hit, NO_INSTANCE, Ray};
 use crate::simd::{F8, Simd};
 use crate::stack::Stack;
 use crate::triangle::{Block, FAR_PAD, RayFrame, decide, details};
+use core::hint::select_unpredictable;
 use hotspot_probe::RayProbe;
 
 /// A child waiting: the distance's bits (ordered as the distance, which is not negative) above the child word.
@@ -140,6 +141,13 @@ fn next(near: &F8, node: &Node, entered: u32) -> (u32, Pending) {
     (entered & (entered - 1), Pending::new(near.0[slot], node.children[slot]))
 }
 
+/// The nearer first, without a branch.
+#[inline(always)]
+fn ordered(a: Pending, b: Pending) -> (Pending, Pending) {
+    let swap = b.0 < a.0;
+    (Pending(select_unpredictable(swap, b.0, a.0)), Pending(select_unpredictable(swap, a.0, b.0)))
+}
+
 /// The best hit so far.
 #[derive(Clone, Copy)]
 struct Best {
@@ -249,26 +257,44 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
                     current = a.child();
                     continue 'visit;
                 }
-                let (mut rest, b) = next(&near, node, rest);
-                let (first, second) = if b.0 < a.0 { (b, a) } else { (a, b) };
+                let (rest, b) = next(&near, node, rest);
+                let (first, second) = ordered(a, b);
                 if rest == 0 {
                     stack.push(second);
                     current = first.child();
                     continue 'visit;
                 }
-                let mut sorted = [Pending(u64::MAX); 8];
-                sorted[0] = first;
-                sorted[1] = second;
-                let mut count = 2;
+                let (mut rest, c) = next(&near, node, rest);
+                // Networks without branches: which of two children is nearer, no predictor knows.
+                let (second, third) = ordered(second, c);
+                let (first, second) = ordered(first, second);
+                if rest == 0 {
+                    stack.push(third);
+                    stack.push(second);
+                    current = first.child();
+                    continue 'visit;
+                }
+                let mut sorted = [
+                    first,
+                    second,
+                    third,
+                    Pending(u64::MAX),
+                    Pending(u64::MAX),
+                    Pending(u64::MAX),
+                    Pending(u64::MAX),
+                    Pending(u64::MAX),
+                ];
+                let mut count = 3;
                 loop {
-                    let (left, item) = next(&near, node, rest);
+                    let (left, mut item) = next(&near, node, rest);
                     rest = left;
-                    let mut place = count;
-                    while place > 0 && item.0 < sorted[place - 1].0 {
-                        sorted[place] = sorted[place - 1];
-                        place -= 1;
+                    // Insertion from the front: what is displaced moves on.
+                    for place in &mut sorted[..count] {
+                        let (low, high) = ordered(*place, item);
+                        *place = low;
+                        item = high;
                     }
-                    sorted[place] = item;
+                    sorted[count & 7] = item;
                     count += 1;
                     if rest == 0 {
                         break;
