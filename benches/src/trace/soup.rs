@@ -79,7 +79,7 @@ impl Soup {
         Self { name, triangles, lights, camera }
     }
 
-    /// A million triangles in a closed hall: rough ground of 2 · 512², and 240 rough balls of 1984 triangles each standing
+    /// A million triangles in a closed hall: rough ground of 2 · 512², and 240 rough balls of 2024 triangles each standing
     /// on it and in the air. Seen from a corner, lit by a panel below the ceiling.
     pub fn million() -> Self {
         let mut triangles = Vec::with_capacity(1_050_000);
@@ -97,7 +97,7 @@ impl Soup {
         for ball in 0..240 {
             let at = |k: u32| hash(ball * 4 + k);
             let center = [at(0) * 18.0 - 9.0, 0.5 + 6.0 * at(1) * at(1), at(2) * 18.0 - 9.0];
-            push_ball(&mut triangles, center, 0.25 + 0.6 * at(3), 32, 0.12);
+            push_ball(&mut triangles, center, 0.25 + 0.6 * at(3), 23, 0.12);
         }
         let [lo, hi] = [[-10.0, -2.0, -10.0], [10.0, 9.0, 10.0]];
         push_box(&mut triangles, lo, hi);

@@ -227,7 +227,9 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
         } else if current.is_leaf() {
             let index = current.index();
             let block = &bvh.blocks[index];
-            probe.leaf(index as u32, block.count());
+            if P::ON {
+                probe.leaf(index as u32, block.count());
+            }
             let mut candidates = slabs.candidates(s, block, frame, best.t);
             while let Some(left) = &mut candidates
                 && left.lanes != 0
@@ -248,7 +250,9 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
         } else {
             let index = current.index();
             let node = &bvh.nodes[index];
-            probe.node(index as u32, node.count());
+            if P::ON {
+                probe.node(index as u32, node.count());
+            }
             let (near, entered) = slabs.enter(s, node, best.t);
             if entered != 0 {
                 let near = s.store(near);
@@ -335,7 +339,9 @@ fn nearest_of_instance<S: Simd, P: RayProbe, F: Filter>(
             let Some(interval) = placed.interval(place.frame, best.t) else { return best };
             let limit = search_limit(best.t, interval);
             let ray = placed.object_ray(&place.frame.ray, interval, limit);
-            probe.instance(index as u32);
+            if P::ON {
+                probe.instance(index as u32);
+            }
             if !ray.is_finite() {
                 return best;
             }
@@ -396,7 +402,9 @@ fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
         } else if current.is_leaf() {
             let index = current.index();
             let block = &bvh.blocks[index];
-            probe.leaf(index as u32, block.count());
+            if P::ON {
+                probe.leaf(index as u32, block.count());
+            }
             let mut candidates = slabs.candidates(s, block, frame, t_max);
             while let Some(left) = &mut candidates
                 && left.lanes != 0
@@ -413,7 +421,9 @@ fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
         } else {
             let index = current.index();
             let node = &bvh.nodes[index];
-            probe.node(index as u32, node.count());
+            if P::ON {
+                probe.node(index as u32, node.count());
+            }
             let (_, mut entered) = slabs.enter(s, node, t_max);
             if entered != 0 {
                 // Last slot first onto the stack, so that the first slot, a leaf if there is one, comes next.
@@ -454,7 +464,9 @@ fn blocked_by_instance<S: Simd, P: RayProbe, F: Filter>(
             // Where the box ends before t_max, every hit in it does too.
             let limit = if interval.1 < t_max { f32::INFINITY } else { t_max };
             let ray = placed.object_ray(&place.frame.ray, interval, limit);
-            probe.instance(index as u32);
+            if P::ON {
+                probe.instance(index as u32);
+            }
             if !ray.is_finite() {
                 return false;
             }
