@@ -14,16 +14,12 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$root"
 cargo build -q --locked --profile bench -p hotspot-benches --bin kernels
-# One dump per call of `measured`, numbered in order.
-valgrind --tool=callgrind --callgrind-out-file="$work/out" --toggle-collect='kernels::measured*' \
-    --dump-after='kernels::measured*' "${CARGO_TARGET_DIR:-target}/release/kernels" >"$work/names" 2>"$work/log" ||
-    { cat "$work/log" >&2; exit 1; }
-number=0
-while read -r name units; do
-    number=$((number + 1))
-    count=$(awk '/^(summary|totals):/ { print $2; exit }' "$work/out.$number")
-    printf '%s\t%s\t%s\n' "$name" "$units" "$count"
-done <"$work/names" >"$work/counts"
+kernels=${CARGO_TARGET_DIR:-target}/release/kernels
+for kernel in $("$kernels"); do
+    said=$(valgrind --tool=callgrind --callgrind-out-file="$work/out" --toggle-collect='kernels::measured*' \
+        "$kernels" "$kernel" 2>"$work/log") || { cat "$work/log" >&2; exit 1; }
+    printf '%s\t%s\t%s\n' "$kernel" "${said##* }" "$(awk '/^summary:/ { print $2 }' "$work/out")"
+done >"$work/counts"
 compiler=$(rustc --version)
 if [ "${1:-}" = --record ]; then
     { printf '# %s\n# kernel\trays or paths\tinstructions\n' "$compiler"; cat "$work/counts"; } >"$table"
