@@ -1,6 +1,8 @@
 //! What the benchmarks share: scenes, and the choices of metrics whose overhead is compared.
 #![forbid(unsafe_code)]
 
+pub mod trace;
+
 use hotspot_integrator::{
     BuildOptions, Control, Gather, RenderScene, Rendered, Settings, frame_bounds, render,
 };

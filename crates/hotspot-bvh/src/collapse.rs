@@ -70,15 +70,30 @@ impl WideTree {
     }
 }
 
-/// What the dynamic program knows of a binary node.
-#[derive(Clone)]
+/// What the dynamic program decides about a binary node, in eight bytes: there are twice as many as triangles.
+#[derive(Clone, Copy, Default)]
 struct Plan {
-    /// Cost of a forest of at most i + 1 wide subtrees, i in 0..7.
-    cost: [f64; WIDTH - 1],
-    /// For forests of 2..=8: how many go to the left child; 0: use one fewer subtrees.
-    left: [u8; WIDTH + 1],
+    /// For forests of 2..=8, four bits each: how many go to the left child; 0: use one fewer subtrees.
+    left: u32,
+    /// Bit i: a forest of at most i subtrees, i in 1..=7, is best as one.
+    single: u8,
     /// The single subtree is a leaf: a block, or an instance.
     leaf: bool,
+}
+
+impl Plan {
+    fn left(self, count: usize) -> usize {
+        (self.left >> (4 * (count - 1)) & 15) as usize
+    }
+
+    fn set_left(&mut self, count: usize, left: usize) {
+        let shift = 4 * (count - 1);
+        self.left = self.left & !(15 << shift) | (left as u32) << shift;
+    }
+
+    fn single(self, count: usize) -> bool {
+        self.single >> count & 1 != 0
+    }
 }
 
 /// What the leaves of a binary tree hold: primitive i is triangle i, or beyond those an instance, given by its box.
@@ -111,6 +126,7 @@ pub(crate) fn collapse(tree: &BinaryTree, primitives: Primitives<'_>) -> WideTre
     // Triangles below; more than a block holds where there is an instance.
     let mut sizes = vec![0u32; tree.nodes.len()];
     for &n in &after_children {
+        let n = n as usize;
         let node = tree.nodes[n];
         if node.count > 0 {
             for &primitive in leaf_primitives(tree, node) {
@@ -133,39 +149,43 @@ fn leaf_primitives(tree: &BinaryTree, node: BinaryNode) -> &[u32] {
 }
 
 /// Node indices, every child before its parent, without recursion: hostile geometry makes deep trees.
-fn children_first(tree: &BinaryTree) -> Vec<usize> {
+fn children_first(tree: &BinaryTree) -> Vec<u32> {
     let mut order = Vec::with_capacity(tree.nodes.len());
-    let mut stack = vec![0];
+    let mut stack = vec![0u32];
     while let Some(n) = stack.pop() {
         order.push(n);
-        let node = tree.nodes[n];
+        let node = tree.nodes[n as usize];
         if node.count == 0 {
-            stack.extend([node.first as usize, node.first as usize + 1]);
+            stack.extend([node.first, node.first + 1]);
         }
     }
     order.reverse();
     order
 }
 
-fn plan(tree: &BinaryTree, after_children: &[usize], bounds: &[Bounds], sizes: &[u32]) -> Vec<Plan> {
-    let unset = Plan { cost: [f64::INFINITY; WIDTH - 1], left: [0; WIDTH + 1], leaf: true };
-    let mut plans = vec![unset; tree.nodes.len()];
+fn plan(tree: &BinaryTree, after_children: &[u32], bounds: &[Bounds], sizes: &[u32]) -> Vec<Plan> {
+    let mut plans = vec![Plan::default(); tree.nodes.len()];
+    // Costs of a forest of at most i + 1 wide subtrees, i in 0..7, of nodes whose parent's turn is still to come. Parents
+    // follow upon the subtrees of their children, so the last two are those of the node's children.
+    let mut waiting: Vec<[f64; WIDTH - 1]> = Vec::new();
     for &n in after_children {
+        let n = n as usize;
         let node = tree.nodes[n];
         let area = bounds[n].half_area();
         let as_block = if sizes[n] as usize <= LANES { area * BLOCK_COST } else { f64::INFINITY };
-        let as_leaf = if node.count > 0 { as_block.min(area * INSTANCE_COST) } else { as_block };
-        let mut plan = Plan { cost: [as_leaf; WIDTH - 1], left: [0; WIDTH + 1], leaf: true };
-        if node.count == 0 {
-            let (l, r) = (&plans[node.first as usize], &plans[node.first as usize + 1]);
+        let mut plan = Plan { leaf: true, ..Plan::default() };
+        let mut cost = [f64::INFINITY; WIDTH - 1];
+        if node.count > 0 {
+            cost = [as_block.min(area * INSTANCE_COST); WIDTH - 1];
+        } else if let (Some(r), Some(l)) = (waiting.pop(), waiting.pop()) {
             let mut forest = [f64::INFINITY; WIDTH + 1];
             for (count, cheapest) in forest.iter_mut().enumerate().skip(2) {
                 for left in 1..count {
                     if left < WIDTH && count - left < WIDTH {
-                        let cost = l.cost[left - 1] + r.cost[count - left - 1];
+                        let cost = l[left - 1] + r[count - left - 1];
                         if cost < *cheapest {
                             *cheapest = cost;
-                            plan.left[count] = left as u8;
+                            plan.set_left(count, left);
                         }
                     }
                 }
@@ -174,18 +194,22 @@ fn plan(tree: &BinaryTree, after_children: &[usize], bounds: &[Bounds], sizes: &
             for count in 3..=WIDTH {
                 if forest[count - 1] <= forest[count] {
                     forest[count] = forest[count - 1];
-                    plan.left[count] = 0;
+                    plan.set_left(count, 0);
                 }
             }
             let as_node = area * NODE_COST + forest[WIDTH];
             plan.leaf = as_block <= as_node;
-            plan.cost[0] = as_block.min(as_node);
-            let single = plan.cost[0];
-            for (cost, &forest) in plan.cost[1..].iter_mut().zip(&forest[2..]) {
+            cost[0] = as_block.min(as_node);
+            let single = cost[0];
+            for (cost, &forest) in cost[1..].iter_mut().zip(&forest[2..]) {
                 *cost = single.min(forest);
             }
         }
+        for count in 1..WIDTH {
+            plan.single |= u8::from(cost[0] <= cost[count - 1]) << count;
+        }
         plans[n] = plan;
+        waiting.push(cost);
     }
     plans
 }
@@ -253,16 +277,15 @@ impl Emitter<'_> {
         // (binary node, wide subtrees that it may become, whether it must be split)
         let mut stack = vec![(binary, WIDTH, true)];
         while let Some((n, mut count, must_split)) = stack.pop() {
-            let plan = &self.plans[n];
-            let single = |count: usize| count == 1 || plan.cost[0] <= plan.cost[count - 1];
-            if self.tree.nodes[n].count > 0 || (!must_split && single(count)) {
+            let plan = self.plans[n];
+            if self.tree.nodes[n].count > 0 || (!must_split && plan.single(count)) {
                 roots.push(n);
                 continue;
             }
-            while plan.left[count] == 0 {
+            while plan.left(count) == 0 {
                 count -= 1;
             }
-            let left = plan.left[count] as usize;
+            let left = plan.left(count);
             let first = self.tree.nodes[n].first as usize;
             stack.push((first + 1, count - left, false));
             stack.push((first, left, false));

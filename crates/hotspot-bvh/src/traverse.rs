@@ -14,7 +14,8 @@ use crate::node::{Child, Node};
 use crate::ray::{Hit, NO_INSTANCE, Ray};
 use crate::simd::{F8, Simd};
 use crate::stack::Stack;
-use crate::triangle::{FAR_PAD, RayFrame, confirm, details};
+use crate::triangle::{Block, FAR_PAD, RayFrame, decide, details};
+use core::hint::select_unpredictable;
 use hotspot_probe::RayProbe;
 
 /// A child waiting: the distance's bits (ordered as the distance, which is not negative) above the child word.
@@ -82,11 +83,69 @@ impl<S: Simd> SlabTest<S> {
     }
 }
 
+/// Triangles of a block that pass rule 2 by `t_max`, and may pass rule 1 ([`Block::candidates`]); both rules are those of
+/// `triangle.rs`.
+struct Candidates {
+    lanes: u32,
+    /// Those that surely pass rule 1.
+    inside: u32,
+    enter: F8,
+    leave: F8,
+}
+
+impl<S: Simd> SlabTest<S> {
+    /// As [`slab_interval`](crate::triangle::slab_interval) for each lane; only where rule 1 leaves any.
+    #[inline(always)]
+    fn candidates(&self, s: S, block: &Block, frame: &RayFrame, t_max: f32) -> Option<Candidates> {
+        let (lanes, inside) = block.candidates(s, frame);
+        if lanes == 0 {
+            return None;
+        }
+        let mut enter = s.splat(0.0);
+        let mut leave = s.splat(f32::INFINITY);
+        for axis in 0..3 {
+            let extent = block.extent(s, axis);
+            let side = usize::from(self.down[axis]);
+            let plane = |bound| s.mul(s.sub(bound, self.origin[axis]), self.inverse[axis]);
+            enter = s.max(plane(extent[side]), enter);
+            leave = s.min(plane(extent[1 - side]), leave);
+        }
+        let near = s.max(enter, self.t_min);
+        let far = s.min(s.mul(leave, s.splat(FAR_PAD)), s.splat(t_max));
+        let lanes = lanes & s.le(near, far);
+        (lanes != 0).then(
+            #[inline(always)]
+            || Candidates { lanes, inside, enter: s.store(enter), leave: s.store(leave) },
+        )
+    }
+}
+
+impl Candidates {
+    /// The next lane, and where its triangle is hit by `t_max`.
+    #[inline(always)]
+    fn next(&mut self, block: &Block, frame: &RayFrame, t_max: f32) -> (usize, [[f32; 3]; 3], Option<f32>) {
+        let lane = self.lanes.trailing_zeros() as usize & 7;
+        self.lanes &= self.lanes - 1;
+        let triangle = block.triangle(lane);
+        let inside = self.inside >> lane & 1 != 0;
+        let interval = (self.enter.0[lane], self.leave.0[lane]);
+        let t = decide(frame, &triangle, interval, inside, t_max);
+        (lane, triangle, t)
+    }
+}
+
 /// The first of the entered slots, and the others.
 #[inline(always)]
 fn next(near: &F8, node: &Node, entered: u32) -> (u32, Pending) {
     let slot = entered.trailing_zeros() as usize & 7;
     (entered & (entered - 1), Pending::new(near.0[slot], node.children[slot]))
+}
+
+/// The nearer first, without a branch.
+#[inline(always)]
+fn ordered(a: Pending, b: Pending) -> (Pending, Pending) {
+    let swap = b.0 < a.0;
+    (Pending(select_unpredictable(swap, b.0, a.0)), Pending(select_unpredictable(swap, a.0, b.0)))
 }
 
 /// The best hit so far.
@@ -168,13 +227,15 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
         } else if current.is_leaf() {
             let index = current.index();
             let block = &bvh.blocks[index];
-            probe.leaf(index as u32, block.count());
-            let mut candidates = block.candidates(s, frame);
-            while candidates != 0 {
-                let lane = candidates.trailing_zeros() as usize & 7;
-                candidates &= candidates - 1;
-                let triangle = block.triangle(lane);
-                if let Some(t) = confirm(frame, &triangle, best.t) {
+            if P::ON {
+                probe.leaf(index as u32, block.count());
+            }
+            let mut candidates = slabs.candidates(s, block, frame, best.t);
+            while let Some(left) = &mut candidates
+                && left.lanes != 0
+            {
+                let (lane, triangle, hit) = left.next(block, frame, best.t);
+                if let Some(t) = hit {
                     let primitive = block.primitives[lane];
                     // Triangles of the world win ties against those of instances.
                     let wins_ties = primitive < best.primitive || (INSTANCED && best.instance != NO_INSTANCE);
@@ -189,7 +250,9 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
         } else {
             let index = current.index();
             let node = &bvh.nodes[index];
-            probe.node(index as u32, node.count());
+            if P::ON {
+                probe.node(index as u32, node.count());
+            }
             let (near, entered) = slabs.enter(s, node, best.t);
             if entered != 0 {
                 let near = s.store(near);
@@ -198,26 +261,44 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
                     current = a.child();
                     continue 'visit;
                 }
-                let (mut rest, b) = next(&near, node, rest);
-                let (first, second) = if b.0 < a.0 { (b, a) } else { (a, b) };
+                let (rest, b) = next(&near, node, rest);
+                let (first, second) = ordered(a, b);
                 if rest == 0 {
                     stack.push(second);
                     current = first.child();
                     continue 'visit;
                 }
-                let mut sorted = [Pending(u64::MAX); 8];
-                sorted[0] = first;
-                sorted[1] = second;
-                let mut count = 2;
+                let (mut rest, c) = next(&near, node, rest);
+                // Networks without branches: which of two children is nearer, no predictor knows.
+                let (second, third) = ordered(second, c);
+                let (first, second) = ordered(first, second);
+                if rest == 0 {
+                    stack.push(third);
+                    stack.push(second);
+                    current = first.child();
+                    continue 'visit;
+                }
+                let mut sorted = [
+                    first,
+                    second,
+                    third,
+                    Pending(u64::MAX),
+                    Pending(u64::MAX),
+                    Pending(u64::MAX),
+                    Pending(u64::MAX),
+                    Pending(u64::MAX),
+                ];
+                let mut count = 3;
                 loop {
-                    let (left, item) = next(&near, node, rest);
+                    let (left, mut item) = next(&near, node, rest);
                     rest = left;
-                    let mut place = count;
-                    while place > 0 && item.0 < sorted[place - 1].0 {
-                        sorted[place] = sorted[place - 1];
-                        place -= 1;
+                    // Insertion from the front: what is displaced moves on.
+                    for place in &mut sorted[..count] {
+                        let (low, high) = ordered(*place, item);
+                        *place = low;
+                        item = high;
                     }
-                    sorted[place] = item;
+                    sorted[count & 7] = item;
                     count += 1;
                     if rest == 0 {
                         break;
@@ -258,7 +339,9 @@ fn nearest_of_instance<S: Simd, P: RayProbe, F: Filter>(
             let Some(interval) = placed.interval(place.frame, best.t) else { return best };
             let limit = search_limit(best.t, interval);
             let ray = placed.object_ray(&place.frame.ray, interval, limit);
-            probe.instance(index as u32);
+            if P::ON {
+                probe.instance(index as u32);
+            }
             if !ray.is_finite() {
                 return best;
             }
@@ -319,13 +402,15 @@ fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
         } else if current.is_leaf() {
             let index = current.index();
             let block = &bvh.blocks[index];
-            probe.leaf(index as u32, block.count());
-            let mut candidates = block.candidates(s, frame);
-            while candidates != 0 {
-                let lane = candidates.trailing_zeros() as usize & 7;
-                candidates &= candidates - 1;
-                let triangle = block.triangle(lane);
-                if confirm(frame, &triangle, t_max).is_some_and(|t| t < t_max) {
+            if P::ON {
+                probe.leaf(index as u32, block.count());
+            }
+            let mut candidates = slabs.candidates(s, block, frame, t_max);
+            while let Some(left) = &mut candidates
+                && left.lanes != 0
+            {
+                let (lane, triangle, hit) = left.next(block, frame, t_max);
+                if hit.is_some_and(|t| t < t_max) {
                     let primitive = block.primitives[lane];
                     let candidate = Candidate { instance, primitive, frame, triangle: &triangle };
                     if !F::ON || filter.accept(&candidate, probe) {
@@ -336,7 +421,9 @@ fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
         } else {
             let index = current.index();
             let node = &bvh.nodes[index];
-            probe.node(index as u32, node.count());
+            if P::ON {
+                probe.node(index as u32, node.count());
+            }
             let (_, mut entered) = slabs.enter(s, node, t_max);
             if entered != 0 {
                 // Last slot first onto the stack, so that the first slot, a leaf if there is one, comes next.
@@ -377,7 +464,9 @@ fn blocked_by_instance<S: Simd, P: RayProbe, F: Filter>(
             // Where the box ends before t_max, every hit in it does too.
             let limit = if interval.1 < t_max { f32::INFINITY } else { t_max };
             let ray = placed.object_ray(&place.frame.ray, interval, limit);
-            probe.instance(index as u32);
+            if P::ON {
+                probe.instance(index as u32);
+            }
             if !ray.is_finite() {
                 return false;
             }

@@ -138,6 +138,14 @@ impl Block {
         ]
     }
 
+    /// Boxes of the triangles along an axis: minima and maxima.
+    #[inline(always)]
+    pub(crate) fn extent<S: Simd>(&self, s: S, axis: usize) -> [S::Vector; 2] {
+        let [a, b, c] = &self.vertices;
+        let [a, b, c] = [s.load(&a[axis]), s.load(&b[axis]), s.load(&c[axis])];
+        [s.min(s.min(a, b), c), s.max(s.max(a, b), c)]
+    }
+
     /// A corner relative to the origin, sheared so that the ray runs along z: x, y, and z.
     #[inline(always)]
     fn sheared<S: Simd>(&self, s: S, frame: &RayFrame, corner: usize) -> [S::Vector; 3] {
@@ -150,14 +158,15 @@ impl Block {
         [x, y, z]
     }
 
-    /// Lanes that may be hit, as bits: a filter that passes all that [`confirm`] accepts.
+    /// Lanes that may be hit by rule 1, a filter that passes all that [`confirm`] accepts, and among them those that surely
+    /// are; as bits.
     ///
     /// Let S be the largest |x|, |y| of the sheared corners, Z their largest |z|, R = S + Z, u = 2^−24. A corner's x is
     /// off by at most u(|X| + 3|Z| + |x|) ≤ u(2S + 4Z) =: E, since |shear| ≤ 1 and |X| ≤ |x| + |Z|; an edge function by
     /// 4SE + 2E² from its corners and by 4uS² from its own roundings; together no more than 16uR(S + 2uR). The factor 20
     /// covers the terms of higher order, the added constant covers underflow.
     #[inline(always)]
-    pub(crate) fn candidates<S: Simd>(&self, s: S, frame: &RayFrame) -> u32 {
+    pub(crate) fn candidates<S: Simd>(&self, s: S, frame: &RayFrame) -> (u32, u32) {
         const U: f32 = 0.5 * f32::EPSILON;
         const UNDERFLOW: f32 = f32::from_bits(1 << 9);
         let [ax, ay, az] = self.sheared(s, frame, 0);
@@ -175,10 +184,13 @@ impl Block {
         let scale = s.add(s.mul(side, s.splat(20.0 * U)), s.mul(reach, s.splat(40.0 * U * U)));
         let error = s.add(s.mul(reach, scale), s.splat(UNDERFLOW));
         // Misses are what is certain: one edge function below −error, another above. Where f32 overflows nothing is. The
-        // last term drops unused lanes.
-        let negative = s.le(s.add(s.min(u, s.min(v, w)), error), zero);
-        let positive = s.le(zero, s.sub(s.max(u, s.max(v, w)), error));
-        !(negative & positive) & s.le(az, az)
+        // last term drops unused lanes. Hits are certain where all edge functions lie on one side by more than the error.
+        let (least, most) = (s.min(u, s.min(v, w)), s.max(u, s.max(v, w)));
+        let negative = s.le(s.add(least, error), zero);
+        let positive = s.le(zero, s.sub(most, error));
+        let surely_positive = s.lt(error, least);
+        let surely_negative = s.lt(most, s.sub(zero, error));
+        (!(negative & positive) & s.le(az, az), surely_positive | surely_negative)
     }
 }
 
@@ -224,8 +236,6 @@ pub(crate) fn slab_interval(frame: &RayFrame, min: &[f32; 3], max: &[f32; 3]) ->
 /// Decides whether a triangle is hit within (`t_min`, `t_max`], and where: the whole definition of the file's header.
 #[inline(always)]
 pub(crate) fn confirm(frame: &RayFrame, triangle: &[[f32; 3]; 3], t_max: f32) -> Option<f32> {
-    let o = frame.ray.origin;
-    let d = frame.ray.direction;
     let t_min = frame.ray.t_min;
 
     // Rule 2, and the interval for t.
@@ -238,11 +248,24 @@ pub(crate) fn confirm(frame: &RayFrame, triangle: &[[f32; 3]; 3], t_max: f32) ->
     if !passes {
         return None;
     }
+    decide(frame, triangle, (enter, leave), false, t_max)
+}
+
+/// [`confirm`] for a triangle that passes rule 2, with that rule's interval; `inside`: it surely passes rule 1 as well.
+#[inline(always)]
+pub(crate) fn decide(
+    frame: &RayFrame,
+    triangle: &[[f32; 3]; 3],
+    (enter, leave): (f32, f32),
+    inside: bool,
+    t_max: f32,
+) -> Option<f32> {
+    let o = frame.ray.origin;
+    let d = frame.ray.direction;
+    let t_min = frame.ray.t_min;
 
     // Rule 1.
-    let (u, v, w) = edges(frame, triangle);
-    let inside = (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
-    if !inside || u + v + w == 0.0 {
+    if !inside && !passes_edges(frame, triangle) {
         return None;
     }
 
@@ -254,15 +277,21 @@ pub(crate) fn confirm(frame: &RayFrame, triangle: &[[f32; 3]; 3], t_max: f32) ->
         height += n[axis] * (v0[axis] - f64::from(o[axis]));
         rate += n[axis] * f64::from(d[axis]);
     }
-    let t = (height / rate) as f32;
-    let in_front = t > 0.0;
-    if !in_front {
-        return None;
-    }
+    let plane_t = (height / rate) as f32;
     let leave = if leave > enter { leave } else { enter };
-    let t = if t < enter { enter } else { t };
+    let t = if plane_t < enter { enter } else { plane_t };
     let t = if t > leave { leave } else { t };
-    (t > t_min && t <= t_max).then_some(t)
+    // One branch, since each condition alone is a coin toss.
+    ((plane_t > 0.0) & (t > t_min) & (t <= t_max)).then_some(t)
+}
+
+/// Rule 1 in f64: seldom needed, so it is kept out of the way.
+#[cold]
+#[inline(never)]
+fn passes_edges(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> bool {
+    let (u, v, w) = edges(frame, triangle);
+    let inside = (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
+    inside && u + v + w != 0.0
 }
 
 /// Unnormalised normal (edge 1 × edge 2) and first vertex.

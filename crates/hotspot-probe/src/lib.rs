@@ -79,6 +79,9 @@ impl Spawner {
 
 /// Listens to the traversal of one ray.
 pub trait RayProbe {
+    /// False where every method is empty, so that the traversal need not gather what it would be told: the optimiser drops
+    /// that too, but by then it has left its mark on the code around.
+    const ON: bool = true;
     /// Inner node `id` was fetched and its `boxes` occupied child boxes were tested. One visit, however wide the node.
     fn node(&mut self, id: u32, boxes: u32);
     /// Leaf block `id` (a SIMD group of triangles) was tested; `shapes` is its number of triangles, padding excluded.
@@ -115,6 +118,7 @@ pub trait Probe {
 pub struct NoProbe;
 
 impl RayProbe for NoProbe {
+    const ON: bool = false;
     #[inline(always)]
     fn node(&mut self, _id: u32, _boxes: u32) {}
     #[inline(always)]

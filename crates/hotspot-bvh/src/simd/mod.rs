@@ -48,6 +48,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn max(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// Bit i is set where lane i of a ≤ lane i of b; never for NaN.
     fn le(self, a: Self::Vector, b: Self::Vector) -> u32;
+    /// Bit i is set where lane i of a < lane i of b; never for NaN.
+    fn lt(self, a: Self::Vector, b: Self::Vector) -> u32;
 }
 
 /// An algorithm that runs under any [`Simd`] token; see [`dispatch`].
@@ -116,14 +118,14 @@ mod tests {
     fn all_instruction_sets_agree_bit_for_bit() {
         struct Ops(F8, F8);
         impl WithSimd for Ops {
-            type Output = ([[u32; 8]; 5], u32);
+            type Output = ([[u32; 8]; 5], u32, u32);
             #[inline(always)]
             fn run<S: Simd>(self, s: S) -> Self::Output {
                 let (a, b) = (s.load(&self.0), s.load(&self.1));
                 let results = [s.add(a, b), s.sub(a, b), s.mul(a, b), s.min(a, b), s.max(a, b)];
                 // The payload of a NaN is not defined by IEEE arithmetic; that it is one is.
                 let bits = |f: f32| if f.is_nan() { 0x7fc0_0000 } else { f.to_bits() };
-                (results.map(|v| s.store(v).0.map(bits)), s.le(a, b))
+                (results.map(|v| s.store(v).0.map(bits)), s.le(a, b), s.lt(a, b))
             }
         }
         let awkward = [

@@ -55,6 +55,14 @@ impl Simd for Portable {
         zip(a, b, |a, b| if a > b { a } else { b })
     }
     #[inline(always)]
+    fn lt(self, a: F8, b: F8) -> u32 {
+        let mut bits = 0;
+        for lane in 0..8 {
+            bits |= u32::from(a.0[lane] < b.0[lane]) << lane;
+        }
+        bits
+    }
+    #[inline(always)]
     fn le(self, a: F8, b: F8) -> u32 {
         let mut bits = 0;
         for lane in 0..8 {

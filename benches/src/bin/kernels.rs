@@ -1,0 +1,74 @@
+//! The kernels whose instructions `benches/gates/instructions.sh` counts under callgrind: each runs a fixed amount of work
+//! in a call of `measured`. Without an argument their names are listed; with a name that one runs, and says how many rays or
+//! paths it took. Everything is fixed: scenes of this
+//! repository, rays, seeds, one thread, the instruction set.
+#![expect(clippy::print_stdout, reason = "it prints the names")]
+
+use hotspot_benches::trace::query;
+use hotspot_benches::trace::rays::{Kind, rays};
+use hotspot_benches::trace::soup::Soup;
+use hotspot_benches::{VARIANTS, Variant, run, scenes, subject};
+use hotspot_bvh::simd::Isa;
+use hotspot_bvh::{BuildOptions, Bvh};
+use std::hint::black_box;
+
+/// What callgrind looks at. The name is part of the gate's script.
+#[inline(never)]
+fn measured(work: &mut dyn FnMut() -> u64) -> u64 {
+    black_box(work())
+}
+
+/// Rays through the creature: instruction set and kind.
+fn trace(isa: Isa, kind: Kind) -> usize {
+    let soup = Soup::load(&scenes().join("creature/creature.gltf"));
+    let bvh = match Bvh::build(&soup.triangles, BuildOptions { isa, ..Default::default() }) {
+        Ok(bvh) => bvh,
+        Err(e) => panic!("{e}"),
+    };
+    let rays = rays(&soup, &bvh, 64, kind);
+    let (mut found, mut blocked) = (vec![None; rays.len()], vec![false; rays.len()]);
+    measured(&mut || match kind {
+        Kind::Shadow => query::any(&bvh, isa, &rays, &mut blocked),
+        _ => query::closest(&bvh, isa, &rays, &mut found),
+    });
+    rays.len()
+}
+
+/// A small render in the calling thread, where callgrind's switch is.
+fn path(scene: &str, variant: &Variant) -> usize {
+    let subject = subject(&scenes().join(scene));
+    let pool = match rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build() {
+        Ok(pool) => pool,
+        Err(e) => panic!("cannot start a pool: {e}"),
+    };
+    let (size, spp) = (32, 8);
+    measured(&mut || pool.install(|| run(&subject, size, spp, variant).frame.memory()));
+    (size * size * spp) as usize
+}
+
+fn main() {
+    let mut kernels: Vec<(String, Box<dyn Fn() -> usize>)> = Vec::new();
+    for (isa, name) in [(Isa::Avx2, "avx2"), (Isa::Portable, "portable")] {
+        for kind in Kind::ALL {
+            kernels.push((format!("trace/{name}/{}", kind.name()), Box::new(move || trace(isa, kind))));
+        }
+    }
+    // A scene of each class.
+    let classes = [
+        ("matte", "cornell-box-red/cornell-box-red.gltf"),
+        ("lobes", "white-room-substrate/white-room-substrate.gltf"),
+        ("full", "features/metallic-roughness-texture.gltf"),
+    ];
+    for (class, scene) in classes {
+        for (variant, what) in [(&VARIANTS[0], "plain"), (&VARIANTS[3], "counting")] {
+            kernels.push((format!("path/{class}/{what}"), Box::new(move || path(scene, variant))));
+        }
+    }
+    match std::env::args().nth(1) {
+        None => kernels.iter().for_each(|(name, _)| println!("{name}")),
+        Some(wanted) => match kernels.iter().find(|(name, _)| *name == wanted) {
+            Some((name, kernel)) => println!("{name} {}", kernel()),
+            None => panic!("there is no kernel {wanted}"),
+        },
+    }
+}
