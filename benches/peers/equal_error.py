@@ -32,15 +32,16 @@ SCENES = {  # greatest number of scattering events; spp to render
 OURS = {
     'paper': [],
     'independent': ['--sampler', 'independent'],
-    'best': ['--adaptive', '--light-choice', 'spatial', '--guide-environment'],
+    'learned': ['--lights', 'learned'],
+    'adaptive': ['--adaptive'],
+    'best': ['--adaptive', '--lights', 'learned'],
 }
 
 
 def load(mi, path):
     bitmap = mi.Bitmap(path)
-    planes = dict(bitmap.split())
-    a = np.array(planes.get('<root>', bitmap), dtype=np.float64)
-    return a[..., :3]
+    names = [field.name for field in bitmap.struct_()]
+    return np.array(bitmap, dtype=np.float64)[..., [names.index(c) for c in 'RGB']]
 
 
 def errors(image, reference):
