@@ -160,7 +160,7 @@ def main():
             if c in ('multijitter', 'mi-independent'):
                 engines[c] = Mitsuba(mi, tool, path, size, depth, a.rr_depth, c.removeprefix('mi-'))
             else:
-                engines[c] = Ours(mi, a.hotspot, path, size, depth, a.threads, OURS[c] if c in OURS else c.split('+'))
+                engines[c] = Ours(mi, a.hotspot, path, size, depth, a.threads, OURS[c] if c in OURS else [f'--{option}' for option in c.split('+')])
         runs = {c: {n: [] for n in spps} for c in configs}
         for seed in range(a.first_seed, a.first_seed + a.seeds):
             for n in spps:

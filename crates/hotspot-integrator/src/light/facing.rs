@@ -94,12 +94,6 @@ impl Facing {
         Some(Self { groups, place_of, first })
     }
 
-    pub(super) fn memory(&self) -> u64 {
-        let group =
-            |g: &Group| g.guided.memory() + (size_of_val(&g.facing[..]) + size_of_val(&g.order[..])) as u64;
-        self.groups.iter().map(group).sum::<u64>() + size_of_val(&self.place_of[..]) as u64
-    }
-
     /// Weights of the groups as seen from a surface at `p` with normal `n`, and their sum.
     #[inline(always)]
     fn weights(&self, p: Vec3, n: Vec3) -> ([f32; MOST_GROUPS], f32) {

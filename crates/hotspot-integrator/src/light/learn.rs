@@ -76,11 +76,6 @@ impl Learned {
         (facing.is_some() || windows.is_some()).then_some(Self { facing, windows })
     }
 
-    /// Bytes held.
-    pub(crate) fn memory(&self) -> u64 {
-        self.facing.as_ref().map_or(0, Facing::memory) + self.windows.as_ref().map_or(0, Windows::memory)
-    }
-
     /// A surface at `p` with shading normal `n`, on the path's side.
     #[inline(always)]
     pub(crate) fn viewpoint(&self, p: Vec3, n: Vec3) -> Viewpoint {

@@ -127,10 +127,6 @@ impl Windows {
         self.cosine.len()
     }
 
-    pub(super) fn memory(&self) -> u64 {
-        self.guided.memory() + (size_of_val(&self.distribution[..]) + size_of_val(&self.cosine[..])) as u64
-    }
-
     /// The distribution for a surface, or [`NOWHERE`].
     #[inline(always)]
     pub(super) fn find(&self, p: Vec3, n: Vec3) -> u32 {
