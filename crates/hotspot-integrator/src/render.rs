@@ -271,7 +271,7 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
     non_finite.sort_unstable();
     Rendered {
         frame,
-        samples: (taken.into_inner() / pixels) as u32,
+        samples: ((taken.into_inner() + pixels / 2) / pixels) as u32,
         stop,
         seconds: start.elapsed().as_secs_f64(),
         threads: rayon::current_num_threads(),
