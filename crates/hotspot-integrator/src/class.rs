@@ -54,6 +54,8 @@ pub(crate) trait Class {
     /// Everything that varies over a surface or is seldom used: textures, vertex colours, bumps, mixed and unlit
     /// materials, absorption.
     const TEXTURED: bool;
+    /// Light sampling by what was learned about the scene.
+    const LEARNED: bool = false;
     /// What is compiled out although a scene may want it: only in the kernels with which benches compare.
     const WITHOUT: Option<Feature> = None;
 }
@@ -61,6 +63,8 @@ pub(crate) trait Class {
 pub(crate) struct MatteClass;
 pub(crate) struct LobesClass;
 pub(crate) struct FullClass;
+/// Everything, with learned light sampling: one more kernel for all scenes that ask for it.
+pub(crate) struct LearnedClass;
 
 impl Class for MatteClass {
     const LOBES: bool = false;
@@ -73,6 +77,11 @@ impl Class for LobesClass {
 impl Class for FullClass {
     const LOBES: bool = true;
     const TEXTURED: bool = true;
+}
+impl Class for LearnedClass {
+    const LOBES: bool = true;
+    const TEXTURED: bool = true;
+    const LEARNED: bool = true;
 }
 
 /// What kernels do for the scenes that ask for it. Builds with `--cfg hotspot_ablation` can compile each out, to see what

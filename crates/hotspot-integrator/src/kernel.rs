@@ -1,7 +1,8 @@
 //! One tile's samples: the loop that is compiled for each instruction set, scene class and instrumentation.
 
+use crate::adaptive::Plan;
 use crate::camera::FilmCamera;
-use crate::class::{Class, FullClass, LobesClass, MatteClass, SceneClass};
+use crate::class::{Class, FullClass, LearnedClass, LobesClass, MatteClass, SceneClass};
 use crate::path::{PathResult, PathSettings, trace};
 use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind};
 use crate::scene::RenderScene;
@@ -35,7 +36,7 @@ pub(crate) struct Kernel<'a> {
     pub(crate) camera: FilmCamera,
     pub(crate) width: u32,
     pub(crate) height: u32,
-    pub(crate) path: PathSettings,
+    pub(crate) path: PathSettings<'a>,
     pub(crate) sampler: SamplerKind,
     pub(crate) seed: u64,
     pub(crate) halves: usize,
@@ -53,6 +54,8 @@ pub(crate) struct TileJob<'a> {
     pub(crate) tile: &'a mut TileRecorder,
     /// Sample numbers over both halves: number n is sample n / halves of half n % halves.
     pub(crate) samples: Range<u64>,
+    /// Where pixels get different numbers of samples.
+    pub(crate) plan: Option<&'a Plan>,
     pub(crate) non_finite: &'a mut Vec<NonFinite>,
     /// Books the counted samples, where ledgers are gathered.
     pub(crate) ledger: Option<&'a mut Ledger>,
@@ -66,6 +69,12 @@ impl WithSimd for TileJob<'_> {
         #[cfg(hotspot_ablation)]
         if let Some(feature) = self.kernel.scene.without {
             return self.run_without(simd, feature);
+        }
+        if self.kernel.path.learned.is_some() {
+            return simd.vectorize(
+                #[inline(always)]
+                || self.pixels::<S, LearnedClass>(simd),
+            );
         }
         match self.kernel.scene.class() {
             SceneClass::Matte => simd.vectorize(
@@ -130,7 +139,7 @@ fn of_half(samples: &Range<u64>, half: u64, halves: u64) -> Range<u64> {
 impl TileJob<'_> {
     #[inline(always)]
     fn pixels<S: Simd, C: Class>(self, simd: S) {
-        let Self { kernel, tile, samples, non_finite, mut ledger } = self;
+        let Self { kernel, tile, samples, plan, non_finite, mut ledger } = self;
         let halves = kernel.halves as u64;
         let counts = tile.has_cost();
         let counted = if counts { kernel.counted } else { 0 };
@@ -140,6 +149,13 @@ impl TileJob<'_> {
         };
         let mut clock = kernel.clock.then(Instant::now);
         for (x, y) in tile.rect().pixels() {
+            let mut samples = samples.clone();
+            if let Some(plan) = plan {
+                samples.end = samples.end.min(plan.target(x, y));
+                if samples.is_empty() {
+                    continue;
+                }
+            }
             for half in 0..kernel.halves {
                 let range = of_half(&samples, half as u64, halves);
                 let (counting, plain) = split(range.clone(), half as u64);
@@ -235,11 +251,11 @@ fn sample<S: Simd, P: Probe, C: Class>(
     sampler: &Sampler<'_>,
     probe: &mut P,
 ) -> PathResult {
-    let [u, v, _, _] = sampler.get(Dimensions::CAMERA);
+    let [u, v, light @ ..] = sampler.get(Dimensions::segment(0));
     let film_x = (x as f32 + u) / kernel.width as f32;
     let film_y = (y as f32 + v) / kernel.height as f32;
     let (origin, direction) = kernel.camera.ray(film_x, film_y);
-    trace::<S, P, C>(simd, kernel.scene, &kernel.path, origin, direction, sampler, probe)
+    trace::<S, P, C>(simd, kernel.scene, &kernel.path, (origin, direction), light, sampler, probe)
 }
 
 #[cfg(test)]

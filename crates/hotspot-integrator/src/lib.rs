@@ -1,6 +1,7 @@
 //! A path tracer as a library: one pass gives the radiance and what every pixel cost.
 #![forbid(unsafe_code)]
 
+mod adaptive;
 mod bsdf;
 mod camera;
 mod cast;
@@ -27,6 +28,6 @@ pub use geometry::{COPIES_THAT_PAY, Instancing};
 pub use hotspot_bvh::simd::Isa;
 pub use hotspot_bvh::{BuildOptions, Quality};
 pub use kernel::NonFinite;
-pub use render::{Control, Gather, Progress, Rendered, Settings, Stop, render};
+pub use render::{Control, Gather, LightChoice, Progress, Rendered, Settings, Stop, render};
 pub use sampler::SamplerKind;
 pub use scene::{PrepareError, PrepareOptions, RenderScene, SceneMemory};

@@ -10,7 +10,7 @@ use crate::cast::{closest_hit, occluded};
 use crate::class::{Class, Feature, has};
 use crate::cutout::presence;
 use crate::geometry::{Attributes, Part, SurfacePoint};
-use crate::light::{LightTarget, area_to_solid_angle, ray_to_position};
+use crate::light::{Learned, LightTarget, Viewpoint, area_to_solid_angle, ray_to_position};
 use crate::math::{Frame, power_heuristic};
 use crate::sampler::{Dimensions, Sampler};
 use crate::scene::RenderScene;
@@ -24,13 +24,15 @@ use hotspot_probe::{NONE, Probe, RayKind, Spawner};
 
 /// Settings of the loop.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct PathSettings {
+pub(crate) struct PathSettings<'a> {
     /// Most scattering events.
     pub(crate) max_depth: u32,
     /// Index of the first surface vertex after which roulette may end the path; `u32::MAX`: never.
     pub(crate) roulette_from: u32,
     /// Whether shadow rays are traced or only counted.
     pub(crate) trace_shadow_rays: bool,
+    /// What was learned about lights, for kernels of [`LearnedClass`](crate::class::LearnedClass).
+    pub(crate) learned: Option<&'a Learned>,
 }
 
 /// What a path brought and how it ended.
@@ -49,16 +51,18 @@ struct Scattered {
     pdf: f32,
     /// Cosine of the direction with the vertex's shading normal.
     cos: f32,
+    /// The vertex, where light sampling depends on it.
+    from: Viewpoint,
 }
 
-/// Traces one path.
+/// Traces one path, from a camera ray's origin and direction. `light`: the two numbers for the light sample at the first vertex.
 #[inline(always)]
 pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
     simd: S,
     scene: &RenderScene,
-    settings: &PathSettings,
-    origin: Vec3,
-    direction: Vec3,
+    settings: &PathSettings<'_>,
+    (origin, direction): (Vec3, Vec3),
+    mut light: [f32; 2],
     sampler: &Sampler<'_>,
     probe: &mut P,
 ) -> PathResult {
@@ -68,7 +72,8 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
     let mut throughput = Vec3::ONE;
     let mut eta_scale = 1.0f32;
     let mut spawner = Spawner::CAMERA;
-    let mut scattered = Scattered { pdf: f32::INFINITY, cos: 1.0 };
+    let mut scattered = Scattered { pdf: f32::INFINITY, cos: 1.0, from: Viewpoint::NONE };
+    let learned = if C::LEARNED { settings.learned } else { None };
     let mut first_object = NONE;
     let mut bounces = 0u32;
     // Of the glass that the path is in.
@@ -83,7 +88,10 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
     loop {
         let Some(hit) = closest_hit::<S, _, C>(simd, scene, &ray, sampler, bounces, probe.ray(spawner))
         else {
-            if let Some((environment, pdf)) = scene.lights.escaped::<P, C>(-wo, scattered.cos, probe) {
+            if let Some((environment, mut pdf)) = scene.lights.escaped::<P, C>(-wo, scattered.cos, probe) {
+                if let Some(learned) = learned {
+                    pdf = learned.pdf_environment(&scene.lights, &scattered.from, -wo, pdf);
+                }
                 radiance += throughput * environment * power_heuristic(scattered.pdf, pdf);
             }
             return end(radiance, Cause::Escaped, throughput, first_object);
@@ -116,7 +124,11 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
                 } else {
                     Vec3::from_array(material.emission.factor)
                 };
-                let light_pdf = area_to_solid_angle(part.light_pdf_area, hit.t * hit.t, cos);
+                let mut pdf_area = part.light_pdf_area;
+                if let Some(learned) = learned {
+                    pdf_area = learned.pdf_area(&scene.lights, &scattered.from, hit.primitive, pdf_area);
+                }
+                let light_pdf = area_to_solid_angle(pdf_area, hit.t * hit.t, cos);
                 radiance += throughput * emission * power_heuristic(scattered.pdf, light_pdf);
             }
         }
@@ -140,10 +152,11 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
         }
         let frame = Frame::new(normal);
         let local_wo = frame.to_local(wo);
-        let choices = if C::LOBES { sampler.get(Dimensions::choices(bounces)) } else { [0.0; 4] };
-        let resolved = resolve::<P, C>(scene, &material.bsdf, &attributes, front, choices[2], probe);
+        let mixed = C::TEXTURED && matches!(material.bsdf, hotspot_scene::Bsdf::Mix { .. });
+        let part_choice = if mixed { sampler.get(Dimensions::choices(bounces))[2] } else { 0.0 };
+        let resolved = resolve::<P, C>(scene, &material.bsdf, &attributes, front, part_choice, probe);
         let point = scene.geometry.point(surface, hit.u, hit.v);
-        let directions = sampler.get(Dimensions::directions(bounces));
+        let from = learned.map_or(Viewpoint::NONE, |learned| learned.viewpoint(point.p, frame.n));
 
         if !resolved.is_specular() {
             let direct = direct_light::<S, P, C>(
@@ -153,6 +166,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
                 &Vertex {
                     part,
                     point: &point,
+                    from: &from,
                     geometric,
                     frame: &frame,
                     local_wo,
@@ -160,7 +174,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
                     sampler,
                     absorption,
                     bsdf: &resolved,
-                    u: [directions[2], directions[3]],
+                    u: light,
                 },
                 probe,
             );
@@ -168,8 +182,10 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
         }
 
         probe.bsdf(1);
-        let u = Vec2::new(directions[0], directions[1]);
-        let Some(sample) = resolved.sample(local_wo, choices[0], u) else {
+        let [u, v, next_light @ ..] = sampler.get(Dimensions::segment(bounces + 1));
+        light = next_light;
+        let (lobe, u) = if C::LOBES { resolved.choose_lobe(u) } else { (0.0, u) };
+        let Some(sample) = resolved.sample(local_wo, lobe, Vec2::new(u, v)) else {
             return end(radiance, Cause::Absorbed, throughput, first_object);
         };
         throughput *= sample.weight;
@@ -179,8 +195,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
             let survival = throughput.max_element() * eta_scale;
             if survival < 1.0 {
                 let survival = survival.min(0.95);
-                let choice = if C::LOBES { choices[1] } else { sampler.get(Dimensions::choices(bounces))[1] };
-                if choice >= survival {
+                if sampler.get(Dimensions::choices(bounces))[1] >= survival {
                     return end(radiance, Cause::Roulette, throughput, first_object);
                 }
                 throughput /= survival;
@@ -201,7 +216,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
         }
         ray = Ray::new(point.leave(side).to_array(), wi.to_array());
         wo = -wi;
-        scattered = Scattered { pdf: sample.pdf, cos: sample.wi.z };
+        scattered = Scattered { pdf: sample.pdf, cos: sample.wi.z, from };
         bounces += 1;
         spawner = Spawner {
             object: part.object,
@@ -217,6 +232,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
 struct Vertex<'a> {
     part: &'a Part,
     point: &'a SurfacePoint,
+    from: &'a Viewpoint,
     geometric: Vec3,
     frame: &'a Frame,
     local_wo: Vec3,
@@ -235,7 +251,7 @@ struct Vertex<'a> {
 fn direct_light<S: Simd, P: Probe, C: Class>(
     simd: S,
     scene: &RenderScene,
-    settings: &PathSettings,
+    settings: &PathSettings<'_>,
     vertex: &Vertex<'_>,
     probe: &mut P,
 ) -> Vec3 {
@@ -250,7 +266,7 @@ fn direct_light<S: Simd, P: Probe, C: Class>(
 fn sample_any_light<S: Simd, P: Probe, C: Class>(
     simd: S,
     scene: &RenderScene,
-    settings: &PathSettings,
+    settings: &PathSettings<'_>,
     vertex: &Vertex<'_>,
     probe: &mut P,
 ) -> Vec3 {
@@ -265,14 +281,17 @@ fn sample_any_light<S: Simd, P: Probe, C: Class>(
 fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
     simd: S,
     scene: &RenderScene,
-    settings: &PathSettings,
+    settings: &PathSettings<'_>,
     vertex: &Vertex<'_>,
     probe: &mut P,
 ) -> Vec3 {
     let lights = &scene.lights;
-    let Some(light) = lights.sample::<P, C, ANY>(vertex.point.p, vertex.frame, vertex.u, probe) else {
-        return Vec3::ZERO;
+    let learned = if C::LEARNED { settings.learned } else { None };
+    let light = match learned.and_then(|l| l.sample(lights, vertex.from, vertex.frame, vertex.u)) {
+        Some(light) => light,
+        None => lights.sample::<P, C, ANY>(vertex.point.p, vertex.frame, vertex.u, probe),
     };
+    let Some(light) = light else { return Vec3::ZERO };
     probe.bsdf(1);
     let (f_cos, mut bsdf_pdf) = vertex.bsdf.eval(vertex.local_wo, vertex.frame.to_local(light.wi));
     if f_cos == Vec3::ZERO {

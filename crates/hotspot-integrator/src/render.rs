@@ -1,7 +1,9 @@
 //! Renders a prepared scene: waves of samples over all tiles, in the caller's thread pool.
 
+use crate::adaptive::{Plan, pilot};
 use crate::camera::FilmCamera;
 use crate::kernel::{Kernel, NonFinite, TileJob};
+use crate::light::{Learned, Lessons};
 use crate::path::PathSettings;
 use crate::sampler::SamplerKind;
 use crate::scene::RenderScene;
@@ -61,6 +63,11 @@ pub struct Settings {
     pub gather: Gather,
     /// Book what is counted by what sent it and by what it met.
     pub ledgers: bool,
+    /// Share out three quarters of the samples by the noise that the first quarter shows, where there are at least 16.
+    /// `spp` is then the mean. Unbiased; cost layers stay means per pixel, totals weigh pixels by their samples.
+    pub adaptive: bool,
+    /// How lights are chosen.
+    pub light_choice: LightChoice,
     /// Stop after about this much time; at least one sample per pixel is taken.
     pub time_limit: Option<Duration>,
 }
@@ -80,7 +87,30 @@ impl Settings {
             roulette_from: Some(4),
             gather: Gather::ALL,
             ledgers: false,
+            adaptive: false,
+            light_choice: LightChoice::Power,
             time_limit: None,
+        }
+    }
+}
+
+/// How light sampling chooses a light and a direction to it. Unbiased either way; what shadow rays cost depends on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum LightChoice {
+    /// By power alone, and a constant environment by the receiver's cosine: the paper's integrator.
+    #[default]
+    Power,
+    /// By where it is asked from: emissive triangles by distance and by how they face the point, a constant environment by
+    /// where rays were found to escape (walks before the first sample, counted in the render's seconds).
+    Learned,
+}
+
+impl LightChoice {
+    /// Name as shown in outputs and understood on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Power => "power",
+            Self::Learned => "learned",
         }
     }
 }
@@ -123,7 +153,7 @@ pub struct Rendered {
     pub frame: Frame,
     /// The same booked by what sent and by what was met, where [`Settings::ledgers`] asks for it and anything is counted.
     pub ledgers: Option<Ledgers>,
-    /// Camera samples per pixel.
+    /// Camera samples per pixel, their mean under adaptive sampling.
     pub samples: u32,
     /// Why it ended.
     pub stop: Stop,
@@ -189,15 +219,20 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
     let whole = |samples: u32| u64::from(samples).next_multiple_of(halves);
     let payers = (settings.ledgers && gather.cost).then(|| scene.payers());
     let shelf = Shelf::default();
+    let start = Instant::now();
+    let camera = FilmCamera::new(camera, settings.width, settings.height);
+    let lessons = settings.light_choice == LightChoice::Learned;
+    let learned = Learned::new(scene, &camera, settings.seed, Lessons { facing: lessons, windows: lessons });
     let kernel = Kernel {
         scene,
-        camera: FilmCamera::new(camera, settings.width, settings.height),
+        camera,
         width: settings.width,
         height: settings.height,
         path: PathSettings {
             max_depth: settings.max_depth,
             roulette_from: settings.roulette_from.unwrap_or(u32::MAX),
             trace_shadow_rays: gather.trace_shadow_rays,
+            learned: learned.as_ref(),
         },
         sampler: settings.sampler,
         seed: settings.seed,
@@ -210,37 +245,50 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
     let isa = scene.bvh.isa();
     let total = whole(settings.spp);
     let pixels = u64::from(settings.width) * u64::from(settings.height);
+    let pilot = if settings.adaptive { pilot(total) } else { None };
+    let pilot = pilot.map(|pilot| pilot.next_multiple_of(halves));
+    let mut plan: Option<Plan> = None;
     let taken = AtomicU64::new(0);
-    let start = Instant::now();
     let mut non_finite = Vec::new();
     let mut done = 0u64;
     let mut wave: u64 = if settings.time_limit.is_some() { 1 } else { 4 };
     let stop = loop {
-        let samples = done..(done + wave.next_multiple_of(halves)).min(total);
+        let end = match (&plan, pilot) {
+            (Some(plan), _) => plan.most(),
+            (None, Some(pilot)) => pilot,
+            (None, None) => total,
+        };
+        let camera_samples = plan.as_ref().map_or(total * pixels, Plan::total);
+        let samples = done..(done + wave.next_multiple_of(halves)).min(end);
         let found: Vec<NonFinite> = frame
             .tiles_mut()
             .par_iter_mut()
             .map(|tile| {
                 let mut found = Vec::new();
-                let area = tile.rect().area() as u64;
                 let mut ledger = payers.as_ref().map(|payers| shelf.take(payers));
-                dispatch(
-                    isa,
-                    TileJob {
-                        kernel: &kernel,
-                        tile,
-                        samples: samples.clone(),
-                        non_finite: &mut found,
-                        ledger: ledger.as_mut(),
-                    },
-                );
+                let added = match &plan {
+                    Some(plan) => plan.samples(tile.rect(), samples.start, samples.end),
+                    None => tile.rect().area() as u64 * (samples.end - samples.start),
+                };
+                if added > 0 {
+                    dispatch(
+                        isa,
+                        TileJob {
+                            kernel: &kernel,
+                            tile,
+                            samples: samples.clone(),
+                            plan: plan.as_ref(),
+                            non_finite: &mut found,
+                            ledger: ledger.as_mut(),
+                        },
+                    );
+                }
                 if let Some(ledger) = ledger {
                     shelf.put(ledger);
                 }
-                let added = area * (samples.end - samples.start);
                 let done = taken.fetch_add(added, Ordering::Relaxed) + added;
                 if let Some(progress) = control.progress {
-                    progress(Progress { done, total: total * pixels, elapsed: start.elapsed() });
+                    progress(Progress { done, total: camera_samples, elapsed: start.elapsed() });
                 }
                 found
             })
@@ -248,14 +296,20 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
             .collect();
         non_finite.extend(found);
         done = samples.end;
-        if done == total {
+        if plan.is_none() && pilot == Some(done) {
+            plan = Some(Plan::new(&frame, done, total));
+        }
+        if done == plan.as_ref().map_or(total, Plan::most) {
             break Stop::Done;
         }
         if control.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
             break Stop::Cancelled;
         }
         let elapsed = start.elapsed();
-        let per_sample = elapsed.as_secs_f64() / done as f64;
+        // Of one more sample for every pixel that is to get one.
+        let active = plan.as_ref().map_or(pixels, |plan| plan.active(done));
+        let taken = taken.load(Ordering::Relaxed);
+        let per_sample = elapsed.as_secs_f64() * (active as f64 / taken as f64);
         let mut budget = WAVE.as_secs_f64();
         if let Some(limit) = settings.time_limit {
             budget = budget.min(limit.as_secs_f64() - elapsed.as_secs_f64());
@@ -274,11 +328,15 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
             let names: Vec<String> = scene.material_names().map(str::to_owned).collect();
             shelf.sum(&payers).rows(&payers, scene.objects(), &names)
         }),
-        samples: done as u32,
+        samples: ((taken.into_inner() + pixels / 2) / pixels) as u32,
         stop,
         seconds,
         threads: rayon::current_num_threads(),
-        kernel: format!("bvh8-single-ray {} {}", isa.name(), scene.class().name()),
+        kernel: format!(
+            "bvh8-single-ray {} {}",
+            isa.name(),
+            if learned.is_some() { "learned" } else { scene.class().name() }
+        ),
         non_finite,
     }
 }

@@ -6,6 +6,28 @@
 //! against each other by their seed (padding). A point depends on (pixel, sample index, set, seed) alone, so any range of
 //! samples can be rendered anywhere.
 //!
+//! # Which number is used for what
+//!
+//! Only numbers of one set are stratified jointly, so a set holds what one term of the path integral depends on most. The
+//! light that a vertex sends on towards the camera is a function of the direction that led to the vertex and of the point
+//! chosen on a light; the direction sampled *at* the vertex belongs to the next term. Hence one set per segment
+//! ([`Dimensions::segment`]): the pair that made the direction (the position on the film, or the BSDF's sample at the vertex
+//! before), and the pair of the light sample where it lands. A path of n vertices uses n + 1 of them.
+//!
+//! | set | 0, 1 | 2, 3 |
+//! |---|---|---|
+//! | segment 0 | position on the film | light at the first vertex |
+//! | segment k | BSDF direction at vertex k − 1 | light at vertex k |
+//! | choices k | –, roulette at vertex k | part of a mixed material at vertex k, – |
+//!
+//! Where a BSDF has several lobes, the first number of its pair chooses the lobe and what remains of it is stretched and used
+//! on, so that lobe and direction are stratified as one; likewise the light's pair chooses the light first
+//! ([`light`](crate::light)). Roulette and mixtures have numbers of their own: they decide about everything that follows.
+//!
+//! The pair 0, 1 of a set is a (0, 2)-sequence: 2^k samples put one point into each cell of every 2^a × 2^b grid, a + b = k.
+//! The pair 2, 3 and the four jointly are nets of slightly lesser quality. All this holds best for powers of two samples;
+//! other numbers are as right but less even.
+//!
 //! The points are those of `sobol_burley::sample_4d`, bit for bit (a test compares them); only the work is arranged for a
 //! renderer: the unscrambled points come from two tables, and the hashes of a set are made once per pixel.
 
@@ -21,7 +43,7 @@ static TABLE: LazyLock<Table> = LazyLock::new(|| {
     Table([24, 16].map(|shift| core::array::from_fn(|byte| row((byte as u32) << shift))))
 });
 
-/// Sets whose hashes are kept per pixel (seven vertices deep); deeper ones are hashed each time.
+/// Sets whose hashes are kept per pixel (eight vertices deep); deeper ones are hashed each time.
 const KEPT: usize = 16;
 
 /// The scrambles of a set: of the index, and of the four dimensions.
@@ -88,23 +110,22 @@ impl SamplerKind {
     }
 }
 
-/// Sets of dimensions. A path uses set [`Dimensions::CAMERA`], then two sets at each surface vertex.
+/// Sets of dimensions, two for each surface vertex, counted from 0 at the camera ray's hit. What each number is for, and why,
+/// stands in the module's documentation.
 pub(crate) struct Dimensions;
 
 impl Dimensions {
-    /// 0, 1: position on the film; 2, 3: unused (a lens would use them).
-    pub(crate) const CAMERA: u32 = 0;
-
-    /// 0, 1: BSDF direction; 2, 3: light (choice and position).
+    /// 0, 1: the direction that leads to the vertex (the position on the film for vertex 0, the BSDF's direction at the vertex
+    /// before for others); 2, 3: the light sampled at the vertex (choice and position).
     #[inline(always)]
-    pub(crate) const fn directions(vertex: u32) -> u32 {
-        1 + 2 * vertex
+    pub(crate) const fn segment(vertex: u32) -> u32 {
+        2 * vertex
     }
 
-    /// 0: choice of lobe; 1: roulette; 2: choice of a mixed material's part; 3: unused.
+    /// 0: unused; 1: roulette; 2: choice of a mixed material's part; 3: unused.
     #[inline(always)]
     pub(crate) const fn choices(vertex: u32) -> u32 {
-        2 + 2 * vertex
+        1 + 2 * vertex
     }
 }
 
@@ -232,7 +253,7 @@ mod tests {
     /// a + b = k, for the pairs that matter (film; BSDF; the light pair is a (t, m, 2)-net with small t).
     #[test]
     fn the_named_pairs_are_stratified() {
-        for set in [Dimensions::CAMERA, Dimensions::directions(0), Dimensions::directions(3)] {
+        for set in [0, 1, 4].map(Dimensions::segment) {
             let pixel = PixelSampler::new(SamplerKind::Sobol, 17, 4, 0, 9);
             let points: Vec<_> = (0..256).map(|i| pixel.sample(i).get(set)).collect();
             for a in 0..=8u32 {

@@ -6,7 +6,7 @@ use crate::open::SceneArgs;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use hotspot_cost::maps::{ColorMap, Exposure, Scale};
 use hotspot_cost::{CostModel, MetricSet};
-use hotspot_integrator::SamplerKind;
+use hotspot_integrator::{LightChoice, SamplerKind};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -155,6 +155,12 @@ pub(crate) struct FilmArgs {
     /// Sample points
     #[arg(long, value_enum, default_value_t = SamplerArg::Sobol)]
     pub(crate) sampler: SamplerArg,
+    /// Give noisy pixels more samples and others fewer (from 16 on); --spp is then the mean
+    #[arg(long)]
+    pub(crate) adaptive: bool,
+    /// How lights are chosen
+    #[arg(long, value_enum, default_value_t = LightsArg::Power)]
+    pub(crate) lights: LightsArg,
     /// Worker threads [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
@@ -242,6 +248,23 @@ impl SamplerArg {
         match self {
             Self::Sobol => SamplerKind::Sobol,
             Self::Independent => SamplerKind::Independent,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LightsArg {
+    /// By power alone
+    Power,
+    /// By how they face each point, and an environment by where it was found to be seen from
+    Learned,
+}
+
+impl LightsArg {
+    pub(crate) const fn choice(self) -> LightChoice {
+        match self {
+            Self::Power => LightChoice::Power,
+            Self::Learned => LightChoice::Learned,
         }
     }
 }

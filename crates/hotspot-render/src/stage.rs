@@ -76,6 +76,8 @@ impl<'a> Stage<'a> {
         settings.seed = self.film.seed;
         settings.sampler = self.film.sampler.kind();
         settings.roulette_from = self.film.roulette.0;
+        settings.adaptive = self.film.adaptive;
+        settings.light_choice = self.film.lights.choice();
         settings
     }
 
@@ -173,6 +175,8 @@ impl<'a> Stage<'a> {
         put("seed", json!(settings.seed));
         put("sampler", json!(settings.sampler.name()));
         put("intervals", json!(settings.intervals));
+        put("adaptive", json!(settings.adaptive));
+        put("lights", json!(settings.light_choice.name()));
         put("camera", json!(self.camera.name));
         put("trace-shadow-rays", json!(settings.gather.trace_shadow_rays));
         for (name, value) in self.open.described() {

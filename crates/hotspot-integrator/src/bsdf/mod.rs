@@ -57,6 +57,16 @@ impl Bsdf {
         }
     }
 
+    /// Splits one number into the choice of a lobe and what remains of it for the direction, stretched to [0, 1): so both are
+    /// stratified as one. Smooth lobes have no use for the rest.
+    #[inline(always)]
+    pub(crate) fn choose_lobe(&self, u: f32) -> (f32, f32) {
+        match self {
+            Self::Substrate(_) => (u, if u < 0.5 { 2.0 * u } else { 2.0 * u - 1.0 }),
+            _ => (u, u),
+        }
+    }
+
     /// A direction, or `None` where the sample carries nothing. `lobe`, `u`: uniform in [0, 1).
     #[inline(always)]
     pub(crate) fn sample(&self, wo: Vec3, lobe: f32, u: Vec2) -> Option<BsdfSample> {

@@ -165,13 +165,14 @@ fn check(name: &str, scene: &Scene, instancing: Instancing) -> Held {
         camera: FilmCamera::new(camera, settings.width, settings.height),
         width: settings.width,
         height: settings.height,
-        path: PathSettings { max_depth: 6, roulette_from: 4, trace_shadow_rays: true },
+        path: PathSettings { max_depth: 6, roulette_from: 4, trace_shadow_rays: true, learned: None },
         sampler: settings.sampler,
         seed: settings.seed,
         halves: 1,
         counted: 3,
         radiance: true,
         clock: false,
+        payers: None,
     };
     let mut held = Held::default();
     for (x, y) in frame.pixels() {

@@ -3,8 +3,8 @@
 //! **Kinds.** Emissive triangles ([`triangles`]), one environment (a constant, or a map: [`environment`]), and lights without
 //! area ([`punctual`]).
 //!
-//! **Dimensions.** A vertex spends two numbers on light, dimensions 2 and 3 of its direction set
-//! ([`Dimensions::directions`](crate::sampler::Dimensions::directions)). The first chooses: the environment below its
+//! **Dimensions.** A vertex spends two numbers on light, dimensions 2 and 3 of its segment's set
+//! ([`Dimensions::segment`](crate::sampler::Dimensions::segment)). The first chooses: the environment below its
 //! probability, otherwise an entry of one cumulative distribution, triangles before punctual lights. What the choice leaves of
 //! it is stretched to [0, 1) and used on: with the second number it makes the point of a triangle or the direction to a
 //! constant environment; of a map it chooses the row and the place in it, and the second number the column and the
@@ -21,11 +21,14 @@
 //! kind that is present gets at least [`LEAST_SHARE`], and so much of the punctual lights' share is spread evenly over them.
 
 mod environment;
+mod facing;
 mod guided;
+mod learn;
 mod punctual;
 #[cfg(test)]
 mod tests;
 mod triangles;
+mod windows;
 
 use crate::class::{Class, Feature, has};
 use crate::geometry::{Geometry, SurfacePoint, SurfaceTriangle};
@@ -36,6 +39,7 @@ pub(crate) use environment::EnvironmentSampler;
 use glam::{Vec2, Vec3};
 use hotspot_probe::Probe;
 use hotspot_scene::{Environment, Light, Material};
+pub(crate) use learn::{Learned, Lessons, Viewpoint};
 use punctual::PunctualLight;
 pub(crate) use punctual::ray_to_position;
 pub(crate) use triangles::area_to_solid_angle;
@@ -201,6 +205,8 @@ impl Lights {
                     pdf_area: geometry.part(primitive).light_pdf_area,
                     triangle: SurfaceTriangle::new(corners),
                     normal: (v1 - v0).cross(v2 - v0).normalize_or_zero(),
+                    inverse_area: (1.0 / area(corners)) as f32,
+                    two_sided: materials[geometry.part(primitive).material as usize].double_sided,
                 }
             })
             .collect();

@@ -19,12 +19,22 @@ pub(super) struct LightTriangle {
     pub(super) pdf_area: f32,
     pub(super) triangle: SurfaceTriangle,
     pub(super) normal: Vec3,
+    /// 1 / area.
+    pub(super) inverse_area: f32,
+    /// Emits from both sides.
+    pub(super) two_sided: bool,
 }
 
 impl LightTriangle {
     /// A point of the triangle, uniform over its area; `u` in [0, 1)².
     #[inline(always)]
     pub(super) fn sample(&self, p: Vec3, u: Vec2) -> Option<LightSample> {
+        self.sample_chosen(p, u, self.pdf_area)
+    }
+
+    /// The same where the triangle was chosen otherwise than by power; `pdf_area`: density per area, choice included.
+    #[inline(always)]
+    pub(super) fn sample_chosen(&self, p: Vec3, u: Vec2, pdf_area: f32) -> Option<LightSample> {
         let (b, c) = square_to_triangle(u);
         let point = self.triangle.point(b, c);
         let normal = self.normal;
@@ -35,7 +45,7 @@ impl LightTriangle {
         }
         let wi = d / distance2.sqrt();
         let cos = -wi.dot(normal);
-        let pdf = self.pdf_area * distance2 / cos.abs();
+        let pdf = pdf_area * distance2 / cos.abs();
         if !(pdf > 0.0 && pdf.is_finite()) {
             return None;
         }

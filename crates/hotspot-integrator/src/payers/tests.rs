@@ -83,6 +83,7 @@ fn oracle(scene: &RenderScene, camera: &hotspot_scene::Camera, settings: &Settin
         max_depth: settings.max_depth,
         roulette_from: settings.roulette_from.unwrap_or(u32::MAX),
         trace_shadow_rays: true,
+        learned: None,
     };
     let mut matrix = Matrix::new();
     let mut rays = 0;
@@ -91,11 +92,19 @@ fn oracle(scene: &RenderScene, camera: &hotspot_scene::Camera, settings: &Settin
             let pixel = PixelSampler::new(settings.sampler, x, y, 0, settings.seed);
             for index in 0..u64::from(settings.spp) {
                 let sampler = pixel.sample(index);
-                let [u, v, _, _] = sampler.get(Dimensions::CAMERA);
+                let [u, v, light @ ..] = sampler.get(Dimensions::segment(0));
                 let (origin, direction) =
                     film.ray((x as f32 + u) / settings.width as f32, (y as f32 + v) / settings.height as f32);
                 let mut log = Log::default();
-                trace::<_, _, FullClass>(Portable, scene, &path, origin, direction, &sampler, &mut log);
+                trace::<_, _, FullClass>(
+                    Portable,
+                    scene,
+                    &path,
+                    (origin, direction),
+                    light,
+                    &sampler,
+                    &mut log,
+                );
                 rays += log.0.len() as u64;
                 for (by, events) in log.0 {
                     let spawner = (by.object != NONE).then_some(by.object);
