@@ -176,6 +176,10 @@ fn documents_survive_json_exactly() {
     assert!(!document.hotspots.is_empty());
     let text = document.to_json();
     assert!(text.contains("18446744073709551614"));
+    // Which pixels a hotspot has stays in memory.
+    for hotspot in &mut document.hotspots {
+        assert!(!std::mem::take(&mut hotspot.members).is_empty());
+    }
     assert_eq!(Document::from_json(&text, "x.json").unwrap(), document);
 }
 

@@ -13,7 +13,7 @@ use std::ops::Range;
 
 pub use place::{COPIES_THAT_PAY, Instancing};
 use point::inset;
-pub(crate) use point::{SurfacePoint, SurfaceTriangle};
+pub(crate) use point::{SurfacePoint, SurfaceTriangle, least_height};
 
 /// A run of triangles that share object and material, and where their attributes begin (`None`: they have none).
 #[derive(Clone, Copy, Debug)]

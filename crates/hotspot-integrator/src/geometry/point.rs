@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 /// The least distance of a corner from the opposite edge; 0 without area.
-pub(super) fn least_height(triangle: &[[f32; 3]; 3]) -> f32 {
+pub(crate) fn least_height(triangle: &[[f32; 3]; 3]) -> f32 {
     heights(triangle).into_iter().fold(f64::INFINITY, f64::min) as f32
 }
 
@@ -72,6 +72,25 @@ impl SurfaceTriangle {
             error[axis] = 3.0 * (0.5 * f32::EPSILON) * p[axis].abs() + self.error[axis];
         }
         SurfacePoint { p: Vec3::from_array(p), error: Vec3::from_array(error) }
+    }
+
+    /// The point that lies `margin` off the edges, or as near to it as the triangle allows.
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn point_off_edges(&self, u: f32, v: f32) -> SurfacePoint {
+        let corners: [[f64; 3]; 3] = core::array::from_fn(|i| {
+            core::array::from_fn(|axis| self.corner[axis] + if i > 0 { self.edges[i - 1][axis] } else { 0.0 })
+        });
+        let margin = self.point(u, v).margin();
+        let [_, u, v] = inset(&corners.map(|c| c.map(|x| x as f32)), [1.0 - u - v, u, v], margin);
+        self.point(u, v)
+    }
+
+    /// The largest [`SurfacePoint::margin`] of its points.
+    pub(crate) fn most_margin(&self) -> f32 {
+        [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+            .into_iter()
+            .fold(0.0, |most, [u, v]| self.point(u, v).margin().max(most))
     }
 }
 

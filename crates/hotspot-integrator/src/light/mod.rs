@@ -31,7 +31,7 @@ mod triangles;
 mod windows;
 
 use crate::class::{Class, Feature, has};
-use crate::geometry::{Geometry, SurfacePoint, SurfaceTriangle};
+use crate::geometry::{Geometry, SurfacePoint, SurfaceTriangle, least_height};
 use crate::math::{FRAC_1_PI, Frame, square_to_cosine_hemisphere};
 use crate::scene::PrepareError;
 use crate::texture::Texture;
@@ -198,12 +198,14 @@ impl Lights {
                 let probability = power / surface_power * near;
                 let corners = &geometry.triangles[primitive as usize];
                 let [v0, v1, v2] = corners.map(Vec3::from_array);
+                let triangle = SurfaceTriangle::new(corners);
                 LightTriangle {
                     primitive,
                     cumulative: next(probability),
                     probability: probability as f32,
                     pdf_area: geometry.part(primitive).light_pdf_area,
-                    triangle: SurfaceTriangle::new(corners),
+                    triangle,
+                    edge: triangle.most_margin() / least_height(corners),
                     normal: (v1 - v0).cross(v2 - v0).normalize_or_zero(),
                     inverse_area: (1.0 / area(corners)) as f32,
                     two_sided: materials[geometry.part(primitive).material as usize].double_sided,

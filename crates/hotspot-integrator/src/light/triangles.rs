@@ -23,6 +23,9 @@ pub(super) struct LightTriangle {
     pub(super) inverse_area: f32,
     /// Emits from both sides.
     pub(super) two_sided: bool,
+    /// A barycentric weight below this may be too close to an edge: the point is then moved off it, since it may round to the
+    /// far side of the face beyond, which would stop the shadow ray.
+    pub(super) edge: f32,
 }
 
 impl LightTriangle {
@@ -36,7 +39,8 @@ impl LightTriangle {
     #[inline(always)]
     pub(super) fn sample_chosen(&self, p: Vec3, u: Vec2, pdf_area: f32) -> Option<LightSample> {
         let (b, c) = square_to_triangle(u);
-        let point = self.triangle.point(b, c);
+        let near_edge = b.min(c).min(1.0 - b - c) < self.edge;
+        let point = if near_edge { self.triangle.point_off_edges(b, c) } else { self.triangle.point(b, c) };
         let normal = self.normal;
         let d = point.p - p;
         let distance2 = d.length_squared();
