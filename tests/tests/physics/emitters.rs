@@ -121,7 +121,7 @@ fn a_thousand_lights() {
         world = world.with(rectangle(center, u, v), light([radiance as f32; 3]));
     }
     let expected = f64::from(0.6f32) / core::f64::consts::PI * expected;
-    measure(&world.prepare(), &view(), 1, 256).assert_grey(expected, 1e-3, "a thousand lights");
+    measure(&world.prepare(), &view(), 1, 1024).assert_grey(expected, 1e-3, "a thousand lights");
 }
 
 /// What the camera sees of an emitter: its radiance from the front, nothing from behind; both when double-sided; scaled
