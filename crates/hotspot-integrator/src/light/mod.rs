@@ -24,6 +24,8 @@ mod environment;
 mod guided;
 mod punctual;
 #[cfg(test)]
+mod sampling_tests;
+#[cfg(test)]
 mod tests;
 mod triangles;
 
