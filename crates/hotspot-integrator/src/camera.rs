@@ -71,6 +71,44 @@ pub fn frame_bounds(min: [f32; 3], max: [f32; 3]) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::chi_square::{COLUMNS, Cells, ROWS, Random, SAMPLES, Suite, p_value};
+
+    /// Uniform numbers on the film: rays have density d²/(A cos³ θ) per solid angle (A: the film at distance d), by
+    /// chi-square over a cone that fits the film; and those of an orthographic camera are spread evenly. 10^6 samples each,
+    /// rate of any false alarm 1 %.
+    #[test]
+    fn rays_fill_the_film_evenly() {
+        let mut suite = Suite::new();
+        let mut random = Random(1);
+        let (s, c) = (0.6, 0.8);
+        let to_world = [[c, 0.0, s, 5.0], [0.0, 1.0, 0.0, 6.0], [-s, 0.0, c, 7.0]];
+        let camera = |projection| Camera { name: String::new(), to_world, projection };
+        for yfov in [0.05f64, 0.9, 2.6] {
+            let film = FilmCamera::new(&camera(Projection::Perspective { yfov, aspect: None }), 160, 80);
+            let half = (0.5 * yfov).tan();
+            let forward = glam::DVec3::new(-s, 0.0, -c);
+            let density = |w: glam::DVec3| 1.0 / (8.0 * half * half * w.dot(forward).powi(3));
+            suite.directions(format!("{yfov}"), &Cells::new(forward, 0.499 * yfov, 1), density, || {
+                let (origin, direction) = film.ray(random.single(), random.single());
+                assert_eq!(origin, Vec3::new(5.0, 6.0, 7.0));
+                Some(direction.as_dvec3())
+            });
+        }
+        let film = FilmCamera::new(&camera(Projection::Orthographic { xmag: 9.0, ymag: 2.0 }), 160, 80);
+        let mut hits = vec![0; ROWS * COLUMNS];
+        for _ in 0..SAMPLES {
+            let (origin, direction) = film.ray(random.single(), random.single());
+            assert!((direction - Vec3::new(-0.6, 0.0, -0.8)).length() < 1e-6);
+            let d = origin.as_dvec3() - glam::DVec3::new(5.0, 6.0, 7.0);
+            let (x, y) = (c * d.x - s * d.z, d.y);
+            let cell =
+                |v: f64, half: f64, n: usize| ((v / half + 1.0) * 0.5 * n as f64).clamp(0.0, n as f64 - 1.0);
+            hits[cell(y, 2.0, ROWS) as usize * COLUMNS + cell(x, 4.0, COLUMNS) as usize] += 1;
+        }
+        let expected = vec![SAMPLES as f64 / hits.len() as f64; hits.len()];
+        suite.add("orthographic".into(), p_value(&hits, &expected));
+        suite.finish();
+    }
 
     #[test]
     fn the_film_edges_span_the_field_of_view() {

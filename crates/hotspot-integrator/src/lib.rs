@@ -6,6 +6,8 @@ mod bsdf;
 mod camera;
 mod cast;
 mod check;
+#[cfg(test)]
+mod chi_square;
 mod class;
 mod cutout;
 mod geometry;

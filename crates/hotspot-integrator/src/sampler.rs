@@ -228,6 +228,9 @@ pub(crate) const fn hash(word: u32, state: u32) -> u32 {
 }
 
 #[cfg(test)]
+mod strata;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 

@@ -27,10 +27,12 @@ pub(crate) fn ggx(h: Vec3, alpha: f32) -> f32 {
 #[inline(always)]
 pub(crate) fn sample_ggx(u: Vec2, alpha: f32) -> Vec3 {
     let a2 = alpha * alpha;
-    let denominator = 1.0 + (a2 - 1.0) * u.x;
-    let cos = ((1.0 - u.x) / denominator).max(0.0).sqrt();
-    // sqrt(1 − cos²) without cancellation.
-    let sin = (a2 * u.x / denominator).max(0.0).sqrt();
+    // 1 + (α² − 1) u and sin² = 1 − cos² as sums of what is not negative: nothing cancels, and h is of unit length however
+    // small α is.
+    let (up, out) = (1.0 - u.x, a2 * u.x);
+    let denominator = up + out;
+    let cos = (up / denominator).sqrt();
+    let sin = (out / denominator).sqrt();
     let (s, c) = sin_cos_turn(u.y);
     Vec3::new(sin * c, sin * s, cos)
 }
@@ -60,7 +62,8 @@ impl RoughMetal {
         }
         let h = h / length;
         let d = ggx(h, self.alpha);
-        let fresnel = self.f0 + (Vec3::ONE - self.f0) * pow5(1.0 - wi.dot(h).abs());
+        // wi·h = wo·h = |wi + wo| / 2.
+        let fresnel = self.f0 + (Vec3::ONE - self.f0) * pow5((1.0 - 0.5 * length).max(0.0));
         let g1_wo = g1(wo.z, self.alpha);
         let g1_wi = g1(wi.z, self.alpha);
         // f cos θi = F D G1 G1 / (4 cos θo); pdf = G1(wo) D / (4 cos θo).

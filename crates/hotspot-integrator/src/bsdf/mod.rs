@@ -4,6 +4,8 @@
 mod glass;
 mod metal;
 mod substrate;
+#[cfg(test)]
+mod tests;
 
 use crate::math::{FRAC_1_PI, square_to_cosine_hemisphere};
 use glam::{Vec2, Vec3};

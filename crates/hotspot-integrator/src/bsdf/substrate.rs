@@ -26,21 +26,22 @@ impl Substrate {
     pub(crate) fn eval(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
         let h = wi + wo;
         let length = h.length();
-        if length == 0.0 {
+        // Opposite directions, up to rounding: there is no half vector.
+        if length < 1e-7 {
             return (Vec3::ZERO, 0.0);
         }
         let h = h / length;
-        let wi_h = wi.dot(h).abs();
-        if wi_h == 0.0 {
-            return (Vec3::ZERO, 0.0);
-        }
+        // wi·h = wo·h, in one way for both: reciprocal to the last bits.
+        let wi_h = 0.5 * length;
         let d = ggx(h, self.alpha);
         let diffuse = self.diffuse
             * (Vec3::ONE - self.specular)
             * ((28.0 / (23.0 * PI)) * (1.0 - pow5(1.0 - 0.5 * wi.z)) * (1.0 - pow5(1.0 - 0.5 * wo.z)));
-        let fresnel = self.specular + (Vec3::ONE - self.specular) * pow5(1.0 - wi_h);
-        let f = diffuse + fresnel * (d / (4.0 * wi_h * wi.z.max(wo.z)));
-        (f * wi.z, 0.5 * (FRAC_1_PI * wi.z + d * h.z.abs() / (4.0 * wi_h)))
+        let fresnel = self.specular + (Vec3::ONE - self.specular) * pow5((1.0 - wi_h).max(0.0));
+        // Per solid angle of wi. The ratio of cosines is taken first: their product with wi·h may underflow.
+        let lobe = d / (4.0 * wi_h);
+        let f_cos = diffuse * wi.z + fresnel * (lobe * (wi.z / wi.z.max(wo.z)));
+        (f_cos, 0.5 * (FRAC_1_PI * wi.z + lobe * h.z.abs()))
     }
 
     #[inline(always)]

@@ -27,6 +27,8 @@ mod guided;
 mod learn;
 mod punctual;
 #[cfg(test)]
+mod sampling_tests;
+#[cfg(test)]
 mod tests;
 mod triangles;
 mod windows;

@@ -80,6 +80,15 @@ impl PunctualLight {
         }
     }
 
+    /// Where it is; `None` infinitely far away.
+    #[cfg(test)]
+    pub(super) fn position(&self) -> Option<Vec3> {
+        match self.kind {
+            Kind::Point { position } | Kind::Spot { position, .. } => Some(position),
+            Kind::Directional { .. } => None,
+        }
+    }
+
     /// The light at `p`. `None` where it brings none: outside a spot's cone, or at the light's own position.
     #[inline(never)]
     pub(super) fn sample(&self, p: Vec3) -> Option<LightSample> {
