@@ -30,6 +30,7 @@
 #![forbid(unsafe_code)]
 
 pub mod analysis;
+pub mod calibration;
 pub mod compare;
 mod counter;
 mod digest;
