@@ -45,6 +45,7 @@ mod metric;
 mod metric_set;
 #[cfg_attr(not(feature = "report"), allow(dead_code, reason = "the page alone uses some of it"))]
 mod names;
+pub mod prediction;
 mod recorder;
 pub mod stats;
 mod student;

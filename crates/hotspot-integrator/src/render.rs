@@ -59,6 +59,11 @@ pub struct Settings {
     pub gather: Gather,
     /// Stop after about this much time; at least one sample per pixel is taken.
     pub time_limit: Option<Duration>,
+    /// Width over height of the film where its pixels are not square; `None`: width over height in pixels.
+    pub aspect: Option<f64>,
+    /// Samples per pixel of the first wave, at least 1; the result does not depend on it, but the time that a pixel's visits
+    /// take does. `None`: 4, or 1 with a time limit.
+    pub first_wave: Option<u32>,
 }
 
 impl Settings {
@@ -76,6 +81,8 @@ impl Settings {
             roulette_from: Some(4),
             gather: Gather::ALL,
             time_limit: None,
+            aspect: None,
+            first_wave: None,
         }
     }
 }
@@ -153,7 +160,10 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
     let whole = |samples: u32| u64::from(samples).next_multiple_of(halves);
     let kernel = Kernel {
         scene,
-        camera: FilmCamera::new(camera, settings.width, settings.height),
+        camera: FilmCamera::new(
+            camera,
+            settings.aspect.unwrap_or_else(|| f64::from(settings.width) / f64::from(settings.height)),
+        ),
         width: settings.width,
         height: settings.height,
         path: PathSettings {
@@ -175,7 +185,8 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
     let start = Instant::now();
     let mut non_finite = Vec::new();
     let mut done = 0u64;
-    let mut wave: u64 = if settings.time_limit.is_some() { 1 } else { 4 };
+    let default_wave = if settings.time_limit.is_some() { 1 } else { 4 };
+    let mut wave = u64::from(settings.first_wave.unwrap_or(default_wave).max(1));
     let stop = loop {
         let samples = done..(done + wave.next_multiple_of(halves)).min(total);
         let found: Vec<NonFinite> = frame

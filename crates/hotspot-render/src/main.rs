@@ -36,6 +36,8 @@ fn main() -> ExitCode {
         Command::Render(options) => commands::render::run(&options),
         Command::Compare(options) => commands::compare::run(&options),
         Command::Report(options) => commands::report::run(&options),
+        Command::Calibrate(options) => commands::calibrate::run(&options),
+        Command::Predict(options) => commands::predict::run(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

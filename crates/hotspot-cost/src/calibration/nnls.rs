@@ -130,9 +130,9 @@ impl Gram {
                     },
                 );
                 taken.retain(|i| Some(*i) != leaving && beta[*i] > 0.0);
-                for i in 0..n {
+                for (i, value) in beta.iter_mut().enumerate() {
                     if !taken.contains(&i) {
-                        beta[i] = 0.0;
+                        *value = 0.0;
                     }
                 }
                 match cholesky_solve(&taken, &g, &target) {

@@ -85,7 +85,7 @@ fn held_out_tiles_are_held_out() {
 
 #[test]
 fn noise_explains_itself_by_repeats() {
-    let scene = tiles(40, 30, 0.15, &mut Random::new(4));
+    let scene = tiles(40, 30, 0.05, &mut Random::new(4));
     // Noise of the halves is shared within blocks for a part; the rest is what a repeat lacks.
     let ceiling = repeat_r2(&scene).unwrap();
     assert!((0.3..0.95).contains(&ceiling), "{ceiling}");

@@ -123,7 +123,7 @@ pub struct Tiles {
     pub rows: u32,
     /// Row by row from the top.
     pub tiles: Vec<Tile>,
-    /// Speed of each repeat: its time over that of the median repeat, for the median tile.
+    /// Speed of each repeat: its time over that of the median repeat, for the median pixel.
     pub drift: Vec<f64>,
 }
 
@@ -191,8 +191,8 @@ impl Timings {
 
     /// Tiles with the counts of `counted`, which traced the same paths.
     ///
-    /// A pixel's time is the median over the repeats, each first divided by its own speed (the median over tiles of its time
-    /// over the tile's median time), so that neither a thread that was interrupted in one pixel nor a machine that runs slower
+    /// A pixel's time is the median over the repeats, each first divided by its own speed (the median over pixels of its time
+    /// over the pixel's median time), so that neither a thread that was interrupted in one pixel nor a machine that runs slower
     /// for a while shows.
     ///
     /// # Errors
@@ -214,7 +214,7 @@ impl Timings {
                 "render larger",
             ));
         }
-        let drift = self.drift(columns, rows);
+        let drift = self.drift();
         let all: Vec<usize> = (0..self.repeats.len()).collect();
         let half = |odd: usize| -> Vec<usize> { all.iter().copied().filter(|r| r % 2 == odd).collect() };
         let planes = [&all, &half(0), &half(1)].map(|of| self.median_plane(of, &drift));
@@ -245,31 +245,21 @@ impl Timings {
         Ok(Tiles { columns, rows, tiles, drift })
     }
 
-    /// Each repeat's time over the median repeat's, for the median tile.
-    fn drift(&self, columns: u32, rows: u32) -> Vec<f64> {
-        let sums: Vec<Vec<f64>> = self
-            .repeats
-            .iter()
-            .map(|plane| {
-                (0..rows * columns)
-                    .map(|i| {
-                        pixels(i % columns, i / columns)
-                            .map(|(x, y)| f64::from(plane[(y * self.width + x) as usize]))
-                            .sum()
-                    })
-                    .collect()
-            })
-            .collect();
-        let tiles = (rows * columns) as usize;
-        let typical: Vec<f64> =
-            (0..tiles).map(|i| median(&mut sums.iter().map(|s| s[i]).collect::<Vec<f64>>())).collect();
-        sums.iter()
-            .map(|s| {
-                let mut ratios: Vec<f64> =
-                    s.iter().zip(&typical).filter(|(_, t)| **t > 0.0).map(|(s, t)| s / t).collect();
-                if ratios.is_empty() { 1.0 } else { median(&mut ratios).max(f64::MIN_POSITIVE) }
-            })
-            .collect()
+    /// Each repeat's time over the median repeat's, for the median pixel.
+    fn drift(&self) -> Vec<f64> {
+        let even = vec![1.0; self.repeats.len()];
+        let all: Vec<usize> = (0..self.repeats.len()).collect();
+        let typical = self.median_plane(&all, &even);
+        let speed = |plane: &Vec<f32>| {
+            let mut ratios: Vec<f64> = plane
+                .iter()
+                .zip(&typical)
+                .filter(|(_, typical)| **typical > 0.0)
+                .map(|(ns, typical)| f64::from(ns / typical))
+                .collect();
+            if ratios.is_empty() { 1.0 } else { median(&mut ratios).max(f64::MIN_POSITIVE) }
+        };
+        self.repeats.iter().map(speed).collect()
     }
 
     fn median_plane(&self, repeats: &[usize], drift: &[f64]) -> Vec<f32> {
