@@ -48,6 +48,10 @@ pub struct Document {
     pub intervals: bool,
     /// The constants of equation 1 behind `intersection` and `waste`.
     pub cost_model: CostModel,
+    /// Unit of `intersection` and `waste` where these constants are calibrated; absent: units of a node visit and a triangle
+    /// test, weighted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cost_unit: Option<String>,
     /// How it was rendered.
     pub render: Render,
     /// The acceleration structure.

@@ -30,6 +30,7 @@
 #![forbid(unsafe_code)]
 
 pub mod analysis;
+pub mod calibration;
 pub mod compare;
 pub mod convergence;
 mod counter;
@@ -48,6 +49,7 @@ mod metric_set;
 #[cfg_attr(not(feature = "report"), allow(dead_code, reason = "the page alone uses some of it"))]
 mod names;
 pub mod picture_error;
+pub mod prediction;
 mod recorder;
 pub mod stats;
 mod student;

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use hotspot_scene::{Camera, Projection};
 
-/// A camera ready for a film of a given size.
+/// A camera ready for a film of a given shape.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FilmCamera {
     origin: Vec3,
@@ -16,9 +16,9 @@ pub(crate) struct FilmCamera {
 }
 
 impl FilmCamera {
-    pub(crate) fn new(camera: &Camera, width: u32, height: u32) -> Self {
+    /// `aspect`: width over height of the film.
+    pub(crate) fn new(camera: &Camera, aspect: f64) -> Self {
         let column = |i: usize| Vec3::from_array([0, 1, 2].map(|row| camera.to_world[row][i] as f32));
-        let aspect = f64::from(width) / f64::from(height);
         let (half_height, half_width, parallel) = match camera.projection {
             Projection::Perspective { yfov, .. } => {
                 let h = libm::tan(0.5 * yfov);
@@ -84,7 +84,7 @@ mod tests {
         let to_world = [[c, 0.0, s, 5.0], [0.0, 1.0, 0.0, 6.0], [-s, 0.0, c, 7.0]];
         let camera = |projection| Camera { name: String::new(), to_world, projection };
         for yfov in [0.05f64, 0.9, 2.6] {
-            let film = FilmCamera::new(&camera(Projection::Perspective { yfov, aspect: None }), 160, 80);
+            let film = FilmCamera::new(&camera(Projection::Perspective { yfov, aspect: None }), 2.0);
             let half = (0.5 * yfov).tan();
             let forward = glam::DVec3::new(-s, 0.0, -c);
             let density = |w: glam::DVec3| 1.0 / (8.0 * half * half * w.dot(forward).powi(3));
@@ -94,7 +94,7 @@ mod tests {
                 Some(direction.as_dvec3())
             });
         }
-        let film = FilmCamera::new(&camera(Projection::Orthographic { xmag: 9.0, ymag: 2.0 }), 160, 80);
+        let film = FilmCamera::new(&camera(Projection::Orthographic { xmag: 9.0, ymag: 2.0 }), 2.0);
         let mut hits = vec![0; ROWS * COLUMNS];
         for _ in 0..SAMPLES {
             let (origin, direction) = film.ray(random.single(), random.single());
@@ -117,7 +117,7 @@ mod tests {
             to_world: [[1.0, 0.0, 0.0, 5.0], [0.0, 1.0, 0.0, 6.0], [0.0, 0.0, 1.0, 7.0]],
             projection: Projection::Perspective { yfov: core::f64::consts::FRAC_PI_2, aspect: None },
         };
-        let film = FilmCamera::new(&camera, 200, 100);
+        let film = FilmCamera::new(&camera, 2.0);
         let (origin, top) = film.ray(0.5, 0.0);
         assert_eq!(origin, Vec3::new(5.0, 6.0, 7.0));
         assert!((top - Vec3::new(0.0, 1.0, -1.0).normalize()).length() < 1e-6, "{top}");

@@ -70,6 +70,11 @@ pub struct Settings {
     pub light_choice: LightChoice,
     /// Stop after about this much time; at least one sample per pixel is taken.
     pub time_limit: Option<Duration>,
+    /// Width over height of the film where its pixels are not square; `None`: width over height in pixels.
+    pub aspect: Option<f64>,
+    /// Samples per pixel of the first wave, at least 1; the result does not depend on it, but the time that a pixel's visits
+    /// take does. `None`: 4, or 1 with a time limit.
+    pub first_wave: Option<u32>,
 }
 
 impl Settings {
@@ -90,6 +95,8 @@ impl Settings {
             adaptive: false,
             light_choice: LightChoice::Power,
             time_limit: None,
+            aspect: None,
+            first_wave: None,
         }
     }
 }
@@ -220,7 +227,8 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
     let payers = (settings.ledgers && gather.cost).then(|| scene.payers());
     let shelf = Shelf::default();
     let start = Instant::now();
-    let camera = FilmCamera::new(camera, settings.width, settings.height);
+    let square = f64::from(settings.width) / f64::from(settings.height);
+    let camera = FilmCamera::new(camera, settings.aspect.unwrap_or(square));
     let lessons = settings.light_choice == LightChoice::Learned;
     let learned = Learned::new(scene, &camera, settings.seed, Lessons { facing: lessons, windows: lessons });
     let kernel = Kernel {
@@ -251,7 +259,8 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
     let taken = AtomicU64::new(0);
     let mut non_finite = Vec::new();
     let mut done = 0u64;
-    let mut wave: u64 = if settings.time_limit.is_some() { 1 } else { 4 };
+    let default_wave = if settings.time_limit.is_some() { 1 } else { 4 };
+    let mut wave = u64::from(settings.first_wave.unwrap_or(default_wave).max(1));
     let stop = loop {
         let end = match (&plan, pilot) {
             (Some(plan), _) => plan.most(),

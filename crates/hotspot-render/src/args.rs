@@ -1,9 +1,12 @@
 //! What can be said on the command line.
 
+use crate::commands::calibrate::CalibrateArgs;
 use crate::commands::error::ErrorArgs;
+use crate::commands::predict::PredictArgs;
 use crate::fail::Fail;
 use crate::open::SceneArgs;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use hotspot_cost::calibration::Profile;
 use hotspot_cost::maps::{ColorMap, Exposure, Scale};
 use hotspot_cost::{CostModel, MetricSet};
 use hotspot_integrator::{LightChoice, SamplerKind};
@@ -48,6 +51,10 @@ pub(crate) enum Command {
     Report(ReportArgs),
     /// Measure speed against error
     Error(Box<ErrorArgs>),
+    /// Find what nodes, triangles and the rest cost on this machine, in nanoseconds
+    Calibrate(Box<CalibrateArgs>),
+    /// Say what a render will count and how long it will take
+    Predict(Box<PredictArgs>),
 }
 
 /// The names of the commands, `help` last.
@@ -93,6 +100,9 @@ pub(crate) fn nearest<'n>(text: &str, names: impl IntoIterator<Item = &'n str>) 
         .map(|(_, name)| name)
 }
 
+/// Unit of `intersection` and `waste` where a profile gives c0 and c1.
+pub(crate) const CALIBRATED_UNIT: &str = "ns of traversal per path, calibrated";
+
 /// `render`.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
@@ -125,6 +135,9 @@ pub(crate) struct RenderArgs {
     /// Cost of testing a triangle in `intersection`
     #[arg(long, value_name = "Y", default_value_t = 1.0, value_parser = parse_weight)]
     pub(crate) c1: f64,
+    /// Take c0 and c1 from a file of `calibrate`: `intersection` in nanoseconds
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["c0", "c1"])]
+    pub(crate) profile: Option<PathBuf>,
     /// Stop after about so many seconds and keep what was done
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub(crate) time_limit: Option<f64>,
@@ -326,8 +339,9 @@ impl RenderArgs {
         self.spp.unwrap_or(if self.open.demo { 32 } else { 64 })
     }
 
-    pub(crate) const fn cost_model(&self) -> CostModel {
-        CostModel { c0: self.c0, c1: self.c1 }
+    /// The constants of equation 1; a profile brings its own.
+    pub(crate) fn cost_model(&self, profile: Option<&Profile>) -> CostModel {
+        profile.map_or(CostModel { c0: self.c0, c1: self.c1 }, |p| p.intersection.model())
     }
 }
 
@@ -359,7 +373,7 @@ fn parse_weight(text: &str) -> Result<f64, String> {
     }
 }
 
-fn parse_seconds(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x > 0.0 && x <= 1e9 => Ok(x),
         _ => Err("write a positive number of seconds".into()),

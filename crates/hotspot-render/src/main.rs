@@ -38,6 +38,8 @@ fn main() -> ExitCode {
         Command::Compare(options) => commands::compare::run(&options),
         Command::Report(options) => commands::report::run(&options),
         Command::Error(options) => commands::error::run(&options),
+        Command::Calibrate(options) => commands::calibrate::run(&options),
+        Command::Predict(options) => commands::predict::run(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

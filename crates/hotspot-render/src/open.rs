@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// What to open.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(crate) struct SceneArgs {
     /// The scene: .gltf, .glb or .obj
     #[arg(value_name = "SCENE", required_unless_present = "demo", conflicts_with = "demo")]

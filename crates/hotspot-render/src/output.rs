@@ -135,7 +135,7 @@ impl<'a> Writer<'a> {
             let file = path(&format!(".{}.png", metric.layer()));
             let options = HeatOptions {
                 label: metric.label().to_owned(),
-                unit: unit(metric),
+                unit: unit_in(document, metric),
                 map: self.views.colors.map(),
                 scale: self.scale(metric.name()),
                 despike: metric == Metric::TimeUs,
@@ -216,7 +216,7 @@ impl<'a> Writer<'a> {
                 Some(MapLayer {
                     metric: metric.name().to_owned(),
                     label: metric.label().to_owned(),
-                    unit: unit(metric),
+                    unit: unit_in(document, metric),
                     kind: kind(metric),
                     values: layers.metric(metric)?,
                     scale: self.scale(metric.name()),
@@ -478,6 +478,14 @@ fn unit(metric: Metric) -> String {
     metric.unit().to_owned()
 }
 
+/// The unit within a render, whose c0 and c1 may be calibrated.
+fn unit_in(document: &Document, metric: Metric) -> String {
+    match &document.cost_unit {
+        Some(calibrated) if metric.is_weighted() => calibrated.clone(),
+        _ => unit(metric),
+    }
+}
+
 fn labelled(metric: Metric) -> String {
     let unit = metric.unit();
     if unit.is_empty() { metric.label().to_owned() } else { format!("{} ({unit})", metric.label()) }
@@ -573,7 +581,10 @@ fn totals(document: &Document) -> Vec<TotalRow> {
         .filter_map(|metric| {
             let total = document.total(metric)?;
             Some(TotalRow {
-                label: labelled(metric),
+                label: match &document.cost_unit {
+                    Some(unit) if metric.is_weighted() => format!("{} ({unit})", metric.label()),
+                    _ => labelled(metric),
+                },
                 mean: total.mean,
                 ci95: total.ci95,
                 ci_kind: match total.ci_kind {

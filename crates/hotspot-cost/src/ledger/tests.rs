@@ -24,10 +24,13 @@ fn desc(objects: u32, random: &mut Random) -> PayerDesc {
     }
 }
 
+/// Object, material, bounce, kind, light.
+type SpawnerKey = (Option<u32>, Option<u32>, u32, SpawnerKind, Option<u32>);
+
 /// Books by the definition, ray by ray and count by count.
 #[derive(Default)]
 struct Oracle {
-    spawner: BTreeMap<(Option<u32>, Option<u32>, u32, SpawnerKind, Option<u32>), ([u64; 3], Traversal)>,
+    spawner: BTreeMap<SpawnerKey, ([u64; 3], Traversal)>,
     matrix: BTreeMap<(Option<u32>, Option<u32>), Traversal>,
 }
 

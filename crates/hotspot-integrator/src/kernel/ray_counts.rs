@@ -162,7 +162,7 @@ fn check(name: &str, scene: &Scene, instancing: Instancing) -> Held {
     let frame = render(&ready, camera, &settings, Control::default()).frame;
     let kernel = Kernel {
         scene: &ready,
-        camera: FilmCamera::new(camera, settings.width, settings.height),
+        camera: FilmCamera::new(camera, f64::from(settings.width) / f64::from(settings.height)),
         width: settings.width,
         height: settings.height,
         path: PathSettings { max_depth: 6, roulette_from: 4, trace_shadow_rays: true, learned: None },

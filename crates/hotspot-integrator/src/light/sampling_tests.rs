@@ -265,7 +265,7 @@ fn equal_lights_are_taken_equally_often() {
         for samples in [64u32, 256, 1024] {
             let mut hits = [0; 64];
             for i in 0..samples {
-                let [_, _, u, v] = pixel.sample(i.into()).get(Dimensions::directions(vertex));
+                let [_, _, u, v] = pixel.sample(i.into()).get(Dimensions::segment(vertex));
                 hits[taken(&lights, [u, v])] += 1;
             }
             assert!(hits.iter().all(|h| *h == samples / 64), "vertex {vertex}, {samples}: {hits:?}");

@@ -78,7 +78,7 @@ fn oracle(scene: &RenderScene, camera: &hotspot_scene::Camera, settings: &Settin
         |triangle| scene.geometry.part(triangle).object,
         |instance| scene.geometry.placed[instance as usize].part.object,
     );
-    let film = FilmCamera::new(camera, settings.width, settings.height);
+    let film = FilmCamera::new(camera, f64::from(settings.width) / f64::from(settings.height));
     let path = PathSettings {
         max_depth: settings.max_depth,
         roulette_from: settings.roulette_from.unwrap_or(u32::MAX),

@@ -45,13 +45,13 @@ fn quality(points: &[[f32; 2]]) -> u32 {
 #[test]
 fn named_pairs_are_nets() {
     let named = [
-        ("film", Dimensions::CAMERA, [0, 1], 0),
-        ("BSDF, first vertex", Dimensions::directions(0), [0, 1], 0),
-        ("BSDF, 5th vertex", Dimensions::directions(4), [0, 1], 0),
-        ("BSDF, 12th vertex", Dimensions::directions(11), [0, 1], 0),
-        ("light, first vertex", Dimensions::directions(0), [2, 3], 3),
-        ("light, 5th vertex", Dimensions::directions(4), [2, 3], 3),
-        ("light, 12th vertex", Dimensions::directions(11), [2, 3], 3),
+        ("film", Dimensions::segment(0), [0, 1], 0),
+        ("BSDF, first vertex", Dimensions::segment(1), [0, 1], 0),
+        ("BSDF, 5th vertex", Dimensions::segment(5), [0, 1], 0),
+        ("BSDF, 12th vertex", Dimensions::segment(12), [0, 1], 0),
+        ("light, first vertex", Dimensions::segment(0), [2, 3], 3),
+        ("light, 5th vertex", Dimensions::segment(4), [2, 3], 3),
+        ("light, 12th vertex", Dimensions::segment(11), [2, 3], 3),
     ];
     for (name, set, pair, t) in named {
         for (x, seed) in [(0, 0), (17, 9), (1023, 1 << 40)] {

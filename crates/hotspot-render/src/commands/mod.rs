@@ -1,7 +1,9 @@
 //! One room per command.
 
+pub(crate) mod calibrate;
 pub(crate) mod compare;
 pub(crate) mod error;
+pub(crate) mod predict;
 pub(crate) mod render;
 pub(crate) mod report;
 

@@ -1,6 +1,7 @@
 //! `render`: a scene in, a picture and what it cost out.
 
-use crate::args::{LayersArg, RenderArgs};
+use super::calibrate::read_profile;
+use crate::args::{CALIBRATED_UNIT, LayersArg, RenderArgs};
 use crate::fail::{Fail, INTERRUPTED};
 use crate::interrupt;
 use crate::memory;
@@ -9,7 +10,7 @@ use crate::progress::Talker;
 use crate::stage::Stage;
 use hotspot_cost::document::Note;
 use hotspot_cost::exr_io::Header;
-use hotspot_cost::{Document, LayerOptions, Layers, Ledgers, Metric, hotspots};
+use hotspot_cost::{CostModel, Document, LayerOptions, Layers, Ledgers, Metric, hotspots};
 use hotspot_integrator::{Control, Gather, RenderScene, Rendered, Settings, Stop};
 use hotspot_scene::{Camera, Projection};
 use serde_json::{Value, json};
@@ -23,6 +24,8 @@ const HOTSPOTS: usize = 12;
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     let talker = Talker::new(&args.talk);
     let metrics = args.metric_set()?;
+    let profile = args.profile.as_deref().map(read_profile).transpose()?;
+    let model = args.cost_model(profile.as_ref());
     if args.no_radiance && metrics.is_empty() {
         return Err(Fail::usage(
             "--no-radiance with --metrics none leaves nothing to do; ask for one of them",
@@ -53,7 +56,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     let prepared = &stage.prepared;
 
     let options = LayerOptions {
-        model: args.cost_model(),
+        model,
         metrics,
         radiance: !args.no_radiance,
         var: args.layers.contains(&LayersArg::Var),
@@ -63,10 +66,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     let objects =
         if rendered.frame.desc().cost { hotspots::first_objects(&rendered.frame) } else { Vec::new() };
     let mut document = stage.document(&rendered, &options);
-    document.settings = described_settings(args, &stage, &settings);
+    document.settings = described_settings(args, model, &stage, &settings);
+    document.cost_unit = profile.as_ref().map(|_| CALIBRATED_UNIT.to_owned());
     note_non_finite(&talker, &rendered, &mut document);
     if settings.gather.cost {
-        document.hotspots = find_hotspots(args, &settings, &rendered, &layers, &objects, prepared);
+        document.hotspots = find_hotspots(model, &settings, &rendered, &layers, &objects, prepared);
         document.verdict = hotspots::verdict(&document.hotspots);
     }
     document.ledgers = rendered.ledgers.clone().map(Ledgers::shortened);
@@ -94,7 +98,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
 /// Hotspots of what was asked for: `intersection` where it is shown, else the first shown of the metrics that can stand for
 /// the cost. Empty when none of them is.
 fn find_hotspots(
-    args: &RenderArgs,
+    model: CostModel,
     settings: &Settings,
     rendered: &Rendered,
     layers: &Layers,
@@ -105,7 +109,7 @@ fn find_hotspots(
         return hotspots::of_frame_layers(
             &rendered.frame,
             layers,
-            args.cost_model(),
+            model,
             objects,
             prepared.objects(),
             HOTSPOTS,
@@ -141,13 +145,19 @@ fn settings(
     Ok(settings)
 }
 
-fn described_settings(args: &RenderArgs, stage: &Stage<'_>, settings: &Settings) -> BTreeMap<String, Value> {
+fn described_settings(
+    args: &RenderArgs,
+    model: CostModel,
+    stage: &Stage<'_>,
+    settings: &Settings,
+) -> BTreeMap<String, Value> {
     let mut map = stage.described(settings);
     let mut put = |name: &str, value: Value| map.insert(name.to_owned(), value);
     put("metrics", json!(args.metrics));
     put("no-radiance", json!(args.no_radiance));
-    put("c0", json!(args.c0));
-    put("c1", json!(args.c1));
+    put("c0", json!(model.c0));
+    put("c1", json!(model.c1));
+    put("profile", json!(args.profile.as_ref().map(|path| path.to_string_lossy())));
     put("time-limit", json!(args.time_limit));
     map
 }

@@ -1,0 +1,433 @@
+//! `predict`: what a render will count and how long it will take, from a few seconds of small renders.
+//!
+//! The pilots run the kernel that the render would run, on as many threads, with as many samples for each visit of a pixel
+//! (a visit has a cost of its own), over the same film. Each has a seed of its own. Time is read from the pixels' clocks and
+//! divided by the threads, since at the end of a small render threads wait for each other longer than in a large one.
+
+use super::calibrate::read_profile;
+use crate::args::{FilmArgs, TalkArgs, ViewArgs, parse_seconds};
+use crate::fail::{FAILED, Fail, INTERRUPTED};
+use crate::interrupt;
+use crate::open::SceneArgs;
+use crate::output::{Output, Writer};
+use crate::progress::Talker;
+use crate::stage::Stage;
+use clap::Args;
+use hotspot_cost::calibration::{Form, Profile, Term};
+use hotspot_cost::exr_io::Header;
+use hotspot_cost::maps::write_atomic;
+use hotspot_cost::prediction::{
+    Budget, Interval, PREDICT_SCHEMA, Pilot, Pilots, Prediction, Seconds, seconds,
+};
+use hotspot_cost::{CostModel, Frame, LayerOptions, Layers, Metric, MetricSet, hotspots};
+use hotspot_integrator::{Control, Gather, Rendered, Settings, Stop};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// `predict`.
+#[derive(Debug, Args)]
+pub(crate) struct PredictArgs {
+    #[command(flatten)]
+    pub(crate) open: SceneArgs,
+    /// Folder for the outputs
+    #[arg(short, long, value_name = "DIR", default_value = "hotspot-out")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) film: FilmArgs,
+    /// Camera samples per pixel of the render to predict [default: 64; 32 for --demo]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp: Option<u32>,
+    /// Predict a render with `--metrics none`: the picture alone, on the plain kernel
+    #[arg(long)]
+    pub(crate) plain: bool,
+    /// Calibrated coefficients from `calibrate`: intersection in nanoseconds, and a second opinion on the time
+    #[arg(long, value_name = "FILE")]
+    pub(crate) profile: Option<PathBuf>,
+    /// Also say how many samples per pixel fit into so many seconds from start to end
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub(crate) budget: Option<f64>,
+    /// Spend about so many seconds on the small renders
+    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = parse_seconds)]
+    pub(crate) pilot: f64,
+    #[command(flatten)]
+    pub(crate) views: ViewArgs,
+    #[command(flatten)]
+    pub(crate) talk: TalkArgs,
+}
+
+/// Small renders. The t quantile of 7 degrees of freedom is 2.4; fewer would widen every interval, more make each too short.
+const REPEATS: u32 = 8;
+
+/// Most samples for a visit of a pixel in pilots: the cost of the visit is spread over 32 paths then, and hardly shows.
+const MOST_PER_VISIT: u32 = 32;
+
+/// Fewest pixels of a pilot: small features must be hit.
+const FEWEST_PIXELS: f64 = 4096.0;
+
+pub(crate) fn run(args: &PredictArgs) -> Result<(), Fail> {
+    let talker = Talker::new(&args.talk);
+    let profile = args.profile.as_deref().map(read_profile).transpose()?;
+    let model = profile.as_ref().map_or_else(CostModel::default, |p| p.intersection.model());
+    let writer = Writer::new(&args.output, &args.views)?;
+    let start = Instant::now();
+    let scene = args.open.load()?;
+    let load = start.elapsed().as_secs_f64();
+    let mut stage = Stage::new(&scene, &args.open, &args.film)?;
+    let build = start.elapsed().as_secs_f64() - load;
+    stage.load_seconds = load;
+    drop(scene);
+    drop(writer);
+    stage.check_memory(false, 1)?;
+    stage.announce(&talker);
+
+    let spp = args.spp.unwrap_or(if args.open.demo { 32 } else { 64 });
+    let mut full = stage.settings();
+    full.spp = spp;
+    full.gather = if args.plain { Gather::RADIANCE } else { Gather::ALL };
+    let control = Control { cancel: Some(interrupt::flag()), progress: None };
+    let begin = Instant::now();
+    let plan = Plan::new(&stage, &full, args.pilot, control)?;
+    let run = plan.run(&stage, &full, model, control)?;
+    let pilot_seconds = begin.elapsed().as_secs_f64();
+
+    let pixels = u64::from(full.width) * u64::from(full.height);
+    let paths = pixels * u64::from(spp);
+    let threads = run.last.threads;
+    let Some(per_path) = seconds(&run.path_seconds, drift(profile.as_ref())) else {
+        return Err(Fail::new(FAILED, "the pilots took no time; raise --pilot"));
+    };
+    let render = per_path.scaled(paths as f64 / threads as f64);
+    let output = output_seconds(args, &stage, &run.last, model)? * pixels as f64 / plan.pixels().max(1.0);
+    let mut prediction = Prediction {
+        schema: PREDICT_SCHEMA.into(),
+        generator: format!("hotspot-render {}", env!("CARGO_PKG_VERSION")),
+        command: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
+        scene: stage.name.clone(),
+        settings: stage.described(&full),
+        resolution: [full.width, full.height],
+        samples_per_pixel: spp.into(),
+        threads: threads as u32,
+        kernel: run.last.kernel.clone(),
+        pilot: Pilot {
+            resolution: [plan.settings.width, plan.settings.height],
+            samples_per_pixel: plan.settings.spp.into(),
+            repeats: REPEATS,
+            path_ns: run.path_seconds.iter().map(|s| s * 1e9).collect(),
+            seconds: pilot_seconds,
+        },
+        seconds: Seconds { render, load, build, output, total: render.plus(load + build + output) },
+        totals: run.pilots.totals(paths),
+        cost_unit: profile.as_ref().map(|_| crate::args::CALIBRATED_UNIT.to_owned()),
+        ..Prediction::default()
+    };
+    if let Some(profile) = &profile {
+        note_differences(&talker, profile, &run.last);
+        prediction.seconds_by_profile =
+            by_profile(profile, &prediction.totals, paths).map(|ns| ns * 1e-9 / threads as f64);
+    }
+    prediction.budget = args.budget.map(|budget| {
+        let per_sample = per_path.ci95[1] * pixels as f64 / threads as f64;
+        let left = (budget - load - build - output).max(0.0);
+        // Float to integer saturates.
+        Budget { seconds: budget, samples_per_pixel: (left / per_sample) as u64 }
+    });
+    prediction.verdict = sentence(&prediction);
+    let file = args.output.join(format!("{}.predict.json", stage.name));
+    write_atomic(&file, prediction.to_json().as_bytes())?;
+    talker.say(&format!("wrote {}: every total with its interval", file.display()));
+    say_rest(&talker, &prediction);
+    talker.say(&prediction.verdict);
+    Ok(())
+}
+
+/// How the pilots are rendered.
+struct Plan {
+    settings: Settings,
+}
+
+/// What they gave.
+struct Run {
+    pilots: Pilots,
+    /// Seconds of one thread per path, pilot by pilot.
+    path_seconds: Vec<f64>,
+    last: Rendered,
+}
+
+impl Plan {
+    /// Sized by a first pilot, that also warms everything up.
+    fn new(stage: &Stage<'_>, full: &Settings, budget: f64, control: Control<'_>) -> Result<Self, Fail> {
+        let mut settings = pilot_of(full, FEWEST_PIXELS * 2.0, full.spp.min(4));
+        let first = render(stage, &settings, control)?;
+        let per_path = thread_seconds(&first.frame, &settings, full) / first.threads as f64;
+        let layer = per_path * f64::from(full.width) * f64::from(full.height);
+        let visit = samples_per_visit(full.spp, layer);
+        let paths = budget / f64::from(REPEATS) / per_path.max(1e-9);
+        settings = pilot_of(full, paths / f64::from(visit), visit);
+        Ok(Self { settings })
+    }
+
+    fn pixels(&self) -> f64 {
+        f64::from(self.settings.width) * f64::from(self.settings.height)
+    }
+
+    fn run(
+        &self,
+        stage: &Stage<'_>,
+        full: &Settings,
+        model: CostModel,
+        control: Control<'_>,
+    ) -> Result<Run, Fail> {
+        let mut pilots = Pilots::new(self.settings.width, self.settings.height, model);
+        let mut path_seconds = Vec::new();
+        let mut last = None;
+        for repeat in 0..REPEATS {
+            let mut settings = self.settings.clone();
+            // Never the render's own seed, nor one that another pilot has.
+            settings.seed = full.seed.wrapping_add(1 + u64::from(repeat));
+            let timed = render(stage, &settings, control)?;
+            path_seconds.push(thread_seconds(&timed.frame, &settings, full));
+            if full.gather.cost {
+                pilots.add(&timed.frame)?;
+            } else {
+                settings.gather = Gather { time: false, ..Gather::ALL };
+                pilots.add(&render(stage, &settings, control)?.frame)?;
+            }
+            last = Some(timed);
+        }
+        let last = last.ok_or_else(|| Fail::new(FAILED, "no pilot was rendered"))?;
+        Ok(Run { pilots, path_seconds, last })
+    }
+}
+
+/// The whole film in about so many pixels, each visited once.
+fn pilot_of(full: &Settings, pixels: f64, spp: u32) -> Settings {
+    let mut settings = full.clone();
+    let all = f64::from(full.width) * f64::from(full.height);
+    let shrink = (pixels.max(FEWEST_PIXELS) / all).sqrt().min(1.0);
+    let edge = |edge: u32| ((f64::from(edge) * shrink).round() as u32).clamp(1, edge);
+    (settings.width, settings.height) = (edge(full.width), edge(full.height));
+    // The film is the same, though its pixels may no longer be square.
+    settings.aspect = Some(f64::from(full.width) / f64::from(full.height));
+    settings.spp = spp;
+    settings.first_wave = Some(spp);
+    settings.gather.time = true;
+    settings
+}
+
+/// Samples for each visit of a pixel in a render whose waves of one sample per pixel take `layer` seconds: 4 at first, then
+/// as many as a second holds ([`hotspot_integrator::render`]).
+fn samples_per_visit(spp: u32, layer: f64) -> u32 {
+    let wave = (1.0 / layer.max(1e-9)).max(1.0).floor();
+    let visits = 1.0 + (f64::from(spp.saturating_sub(4)) / wave).ceil();
+    ((f64::from(spp) / visits).round() as u32).clamp(1, MOST_PER_VISIT)
+}
+
+fn render(stage: &Stage<'_>, settings: &Settings, control: Control<'_>) -> Result<Rendered, Fail> {
+    let rendered = stage.render(settings, control);
+    match rendered.stop {
+        Stop::Cancelled => Err(Fail::new(INTERRUPTED, "interrupted: nothing was saved")),
+        _ => Ok(rendered),
+    }
+}
+
+/// Seconds of one thread per path, without the clock where the render to predict has none.
+fn thread_seconds(frame: &Frame, settings: &Settings, full: &Settings) -> f64 {
+    let (mut ns, mut paths) = (0.0, 0.0);
+    for pixel in frame.costs() {
+        ns += pixel.time_ns as f64;
+        paths += pixel.time_samples as f64;
+    }
+    let clock = if full.gather.time { 0.0 } else { clock_seconds() / f64::from(settings.spp) };
+    (ns * 1e-9 / f64::max(paths, 1.0) - clock).max(0.0)
+}
+
+/// What reading the clock takes: the least of a few tries.
+fn clock_seconds() -> f64 {
+    const READINGS: u32 = 1000;
+    let once = |_| {
+        let start = Instant::now();
+        for _ in 0..READINGS {
+            std::hint::black_box(Instant::now());
+        }
+        start.elapsed().as_secs_f64() / f64::from(READINGS)
+    };
+    (0..8).map(once).fold(f64::INFINITY, f64::min)
+}
+
+/// Standard deviation of the machine's drift between the runs of a profile, that were seconds to minutes apart.
+fn drift(profile: Option<&Profile>) -> f64 {
+    let Some(profile) = profile else { return 0.0 };
+    let (mut sum, mut count) = (0.0, 0.0);
+    for scene in profile.scenes.iter().filter(|scene| scene.drift.len() > 1) {
+        sum += scene.drift.iter().map(|d| (d - 1.0).powi(2)).sum::<f64>();
+        count += (scene.drift.len() - 1) as f64;
+    }
+    if count > 0.0 { (sum / count).sqrt() } else { 0.0 }
+}
+
+/// Seconds to make and write the outputs of a pilot.
+fn output_seconds(
+    args: &PredictArgs,
+    stage: &Stage<'_>,
+    rendered: &Rendered,
+    model: CostModel,
+) -> Result<f64, Fail> {
+    let folder = tempfile::tempdir()
+        .map_err(|e| Fail::new(FAILED, format!("cannot make a temporary folder: {e}; set TMPDIR")))?;
+    let writer = Writer::new(folder.path(), &args.views)?;
+    let start = Instant::now();
+    let metrics = if args.plain { MetricSet::NONE } else { MetricSet::ALL };
+    let options = LayerOptions { model, metrics, ..LayerOptions::default() };
+    let layers = Layers::from_frame(&rendered.frame, &options);
+    let mut document = stage.document(rendered, &options);
+    let objects = hotspots::first_objects(&rendered.frame);
+    if layers.metric(Metric::Intersection).is_some() {
+        document.hotspots = hotspots::of_frame_layers(
+            &rendered.frame,
+            &layers,
+            model,
+            &objects,
+            stage.prepared.objects(),
+            12,
+        );
+    }
+    writer.render(Output {
+        stem: &stage.name,
+        layers: &layers,
+        document: &mut document,
+        header: Header::default(),
+        objects: &objects,
+        object_names: stage.prepared.objects(),
+        object_triangles: &stage.prepared.object_triangles(),
+        ledgers: None,
+        write_exr: true,
+    })?;
+    Ok(start.elapsed().as_secs_f64())
+}
+
+/// Nanoseconds of one thread by a profile's full fit.
+fn by_profile(profile: &Profile, totals: &BTreeMap<String, Interval>, paths: u64) -> Option<f64> {
+    let fit = profile.fits.get(&Form::Full)?;
+    let total = |name: &str| totals.get(name).map_or(0.0, |total| total.value);
+    let terms = Term::ALL.map(|term| match term {
+        Term::Path => paths as f64,
+        Term::RaysTrace => total("rays") - total("rays_shadow"),
+        other => total(other.name()),
+    });
+    Some(fit.predict(&terms))
+}
+
+/// A profile speaks for its machine, threads and kernels.
+fn note_differences(talker: &Talker, profile: &Profile, rendered: &Rendered) {
+    if profile.threads as usize != rendered.threads {
+        talker.warn(&format!(
+            "note: --profile: it was calibrated on {} threads, this is on {}; times per event may differ",
+            profile.threads, rendered.threads
+        ));
+    }
+    if !profile.kernels.contains(&rendered.kernel) {
+        talker.warn(&format!(
+            "note: --profile: it knows {}, this scene runs {}; calibrate with this scene to be sure",
+            profile.kernels.join(", "),
+            rendered.kernel
+        ));
+    }
+}
+
+fn say_rest(talker: &Talker, prediction: &Prediction) {
+    let Seconds { load, build, output, total, .. } = prediction.seconds;
+    talker.say(&format!(
+        "beside sampling: load {}, tree {}, output about {}; {} in all",
+        time(load),
+        time(build),
+        time(output),
+        time(total.value)
+    ));
+    if let Some(seconds) = prediction.seconds_by_profile {
+        talker.say(&format!("by the profile's coefficients: {} of sampling", time(seconds)));
+    }
+    if let Some(budget) = prediction.budget {
+        talker.say(&match budget.samples_per_pixel {
+            0 => format!("{} is too short for a single sample per pixel", time(budget.seconds)),
+            n => format!("{n} samples per pixel fit into {}", time(budget.seconds)),
+        });
+    }
+}
+
+/// "640x360 at 256 spp: 41 s ± 2 s on 2 threads; 3.1e9 node visits ± 0.8 %".
+fn sentence(prediction: &Prediction) -> String {
+    let [width, height] = prediction.resolution;
+    let render = prediction.seconds.render;
+    let half = 0.5 * (render.ci95[1] - render.ci95[0]);
+    let threads = if prediction.threads == 1 { "thread" } else { "threads" };
+    let nodes = prediction.totals.get(Metric::Nodes.name()).map_or_else(String::new, |nodes| {
+        format!("; {} node visits ± {:.2} %", scientific(nodes.value), 100.0 * nodes.relative())
+    });
+    format!(
+        "{width}x{height} at {} spp: {} ± {} on {} {threads}{nodes}",
+        prediction.samples_per_pixel,
+        time(render.value),
+        time(half),
+        prediction.threads
+    )
+}
+
+/// 3.1e9.
+fn scientific(value: f64) -> String {
+    if value < 1e4 { format!("{value:.0}") } else { format!("{value:.2e}") }
+}
+
+/// A duration for people, to two or three digits.
+fn time(seconds: f64) -> String {
+    match seconds {
+        s if s >= 7200.0 => format!("{:.1} h", s / 3600.0),
+        s if s >= 600.0 => format!("{:.1} min", s / 60.0),
+        s if s >= 10.0 => format!("{s:.1} s"),
+        s => format!("{s:.2} s"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn visits_follow_the_waves_of_a_render() {
+        // A layer of 0.3 s: waves of 4, then of 3.
+        assert_eq!(samples_per_visit(64, 0.3), 3);
+        // One visit for what fits the first wave; two for a small picture.
+        assert_eq!(samples_per_visit(3, 0.3), 3);
+        assert_eq!(samples_per_visit(64, 1e-4), 32);
+        assert_eq!(samples_per_visit(16, 1e-4), 8);
+        // Layers longer than a wave: one sample a visit, after the first four.
+        assert_eq!(samples_per_visit(64, 9.0), 1);
+    }
+
+    #[test]
+    fn pilots_cover_the_whole_film() {
+        let full = Settings::new(643, 359);
+        let pilot = pilot_of(&full, 20_000.0, 5);
+        assert_eq!(pilot.aspect, Some(643.0 / 359.0));
+        assert!((f64::from(pilot.width * pilot.height) / 20_000.0 - 1.0).abs() < 0.02);
+        assert_eq!((pilot.spp, pilot.first_wave), (5, Some(5)));
+        let tiny = pilot_of(&Settings::new(20, 10), 1e9, 4);
+        assert_eq!((tiny.width, tiny.height), (20, 10));
+    }
+
+    #[test]
+    fn the_sentence_reads() {
+        let prediction = Prediction {
+            resolution: [640, 360],
+            samples_per_pixel: 256,
+            threads: 2,
+            seconds: Seconds { render: Interval { value: 41.0, ci95: [39.0, 43.0] }, ..Seconds::default() },
+            totals: [("nodes".to_owned(), Interval { value: 3.1e9, ci95: [3.08e9, 3.12e9] })].into(),
+            ..Prediction::default()
+        };
+        assert_eq!(
+            sentence(&prediction),
+            "640x360 at 256 spp: 41.0 s ± 2.00 s on 2 threads; 3.10e9 node visits ± 0.65 %"
+        );
+    }
+}
