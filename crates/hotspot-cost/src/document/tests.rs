@@ -9,6 +9,7 @@ use std::collections::BTreeSet;
 fn full() -> Document {
     let frame = random_frame(FrameDesc { intervals: true, ..FrameDesc::new(32, 16) }, 2, 3);
     let mut document = Document::of_frame(&frame, &LayerOptions::default());
+    document.cost_unit = Some("ns".into());
     document.hotspots =
         hotspots::of_frame(&frame, CostModel::default(), &["a", "b", "c", "d"].map(String::from), 5);
     document.hotspots[0].causes = vec![hotspots::CauseKind::HeavyLeaves];
