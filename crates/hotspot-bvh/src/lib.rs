@@ -28,6 +28,7 @@ mod instance;
 mod node;
 pub mod oracle;
 mod ray;
+mod shuffle;
 pub mod simd;
 mod stack;
 mod traverse;
