@@ -147,6 +147,7 @@ impl SceneArgs {
                     IsaArg::Portable => Isa::Portable,
                     IsaArg::Avx2 => Isa::Avx2,
                 },
+                shuffle: None,
             },
             instancing: match self.instances {
                 InstancesArg::Auto => Instancing::Auto,
