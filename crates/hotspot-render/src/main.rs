@@ -13,6 +13,7 @@ mod output;
 mod progress;
 mod say;
 mod stage;
+mod trees;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -38,6 +39,7 @@ fn main() -> ExitCode {
         Command::Compare(options) => commands::compare::run(&options),
         Command::Report(options) => commands::report::run(&options),
         Command::Error(options) => commands::error::run(&options),
+        Command::Whatif(options) => commands::whatif::run(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

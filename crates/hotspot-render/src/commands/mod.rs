@@ -4,6 +4,7 @@ pub(crate) mod compare;
 pub(crate) mod error;
 pub(crate) mod render;
 pub(crate) mod report;
+pub(crate) mod whatif;
 
 use crate::fail::{FAILED, Fail};
 use std::path::Path;
