@@ -86,7 +86,7 @@ fn deleted_objects_keep_their_number() {
     assert_eq!((met.instances, met.objects, met.triangles, met.lights_removed), (2, 1, 2, false));
     assert_eq!(met.namesakes, ["Chair #2"]);
     let (dark, met) = edited(Edit::Delete { object: "Lamp".into() });
-    assert!(met.lights_removed && !has_lights(&dark) && has_lights(&scene()));
+    assert!(met.lights_removed && !has_lights(&dark) && has_lights(&scene));
 }
 
 #[test]
