@@ -123,7 +123,10 @@ fn builds(o: &Options, soup: &Soup, mut peer: Option<&mut Peer>) -> Vec<Bvh> {
         bvhs.clear();
         for (i, &quality) in o.qualities.iter().enumerate() {
             let start = Instant::now();
-            let bvh = match Bvh::build(triangles, BuildOptions { quality, isa: o.isa }) {
+            let bvh = match Bvh::build(
+                triangles,
+                BuildOptions { quality, isa: o.isa, ..BuildOptions::default() },
+            ) {
                 Ok(bvh) => bvh,
                 Err(e) => panic!("{e}"),
             };
@@ -256,7 +259,10 @@ fn leaks(o: &Options, peer: Option<&mut Peer>) {
     );
     let mut found = vec![None; rays.len()];
     for &quality in &o.qualities {
-        let bvh = match Bvh::build(&soup.triangles, BuildOptions { quality, isa: o.isa }) {
+        let bvh = match Bvh::build(
+            &soup.triangles,
+            BuildOptions { quality, isa: o.isa, ..BuildOptions::default() },
+        ) {
             Ok(bvh) => bvh,
             Err(e) => panic!("{e}"),
         };

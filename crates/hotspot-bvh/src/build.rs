@@ -7,6 +7,7 @@
 use crate::collapse::{BinaryNode, BinaryTree, Primitives, WideTree, collapse};
 use crate::instance::{Instance, Placed};
 use crate::node::{Bounds, Child};
+use crate::shuffle::Shuffle;
 use crate::simd::Isa;
 use crate::{Bvh, BvhError};
 use glam::Vec3A;
@@ -53,6 +54,10 @@ pub struct BuildOptions {
     pub quality: Quality,
     /// Instruction set of the traversal; all give the same hits and counts.
     pub isa: Isa,
+    /// Builds another tree of the same quality, one for each number: hits are the same, counts are not. `None`: the tree
+    /// that everyone gets. Builds of
+    /// several show how much of a cost is the luck of the tree (`shuffle.rs`).
+    pub shuffle: Option<u64>,
 }
 
 /// obvhs computes areas in f32; coordinates up to this keep them finite. Larger scenes are scaled for the topology.
@@ -79,7 +84,7 @@ pub(crate) fn build<M: AsRef<[[[f32; 3]; 3]]>>(
     for (index, mesh) in meshes.iter().enumerate() {
         let mesh = mesh.as_ref();
         check(mesh, Some(index))?;
-        let part = wide_tree(mesh, &[], options.quality);
+        let part = wide_tree(mesh, &[], options);
         let boxes = part.boxes_near_the_root();
         roots.push((tree.append(part), boxes));
     }
@@ -94,7 +99,7 @@ pub(crate) fn build<M: AsRef<[[[f32; 3]; 3]]>>(
         placed.push(instance.ok_or(BvhError::NotInvertible { instance: index })?);
     }
     let bounds: Vec<Bounds> = placed.iter().map(|p| p.bounds).collect();
-    let top = wide_tree(triangles, &bounds, options.quality);
+    let top = wide_tree(triangles, &bounds, options);
     let bounds = top.bounds;
     let root = tree.append(top);
     Ok(Bvh {
@@ -115,7 +120,7 @@ fn check(triangles: &[[[f32; 3]; 3]], mesh: Option<usize>) -> Result<(), BvhErro
     }
 }
 
-fn wide_tree(triangles: &[[[f32; 3]; 3]], instances: &[Bounds], quality: Quality) -> WideTree {
+fn wide_tree(triangles: &[[[f32; 3]; 3]], instances: &[Bounds], options: BuildOptions) -> WideTree {
     let boxes = || triangles.iter().map(|t| Bounds::of_points(t)).chain(instances.iter().copied());
     let largest = boxes().flat_map(|b| [b.min, b.max]).flatten().fold(0.0f32, |m, c| m.max(c.abs()));
     // A power of two, so that scaling does not round.
@@ -126,7 +131,15 @@ fn wide_tree(triangles: &[[[f32; 3]; 3]], instances: &[Bounds], quality: Quality
     let boxes: Vec<Aabb> = boxes()
         .map(|b| Aabb::new(Vec3A::from_array(b.min) * scale, Vec3A::from_array(b.max) * scale))
         .collect();
-    collapse(&binary_tree(&boxes, quality.parameters()), Primitives { triangles, instances })
+    let parameters = options.quality.parameters();
+    let binary = match options.shuffle {
+        None => binary_tree(&boxes, parameters),
+        Some(seed) => {
+            let shuffle = Shuffle::new(seed, boxes.len());
+            shuffle.undo(binary_tree(&shuffle.boxes(&boxes), parameters))
+        }
+    };
+    collapse(&binary, Primitives { triangles, instances })
 }
 
 fn binary_tree(boxes: &[Aabb], parameters: BvhBuildParams) -> BinaryTree {

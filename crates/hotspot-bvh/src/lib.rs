@@ -29,6 +29,7 @@ mod node;
 pub mod oracle;
 mod owners;
 mod ray;
+mod shuffle;
 pub mod simd;
 mod stack;
 mod traverse;

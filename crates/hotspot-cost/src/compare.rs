@@ -8,7 +8,10 @@
 //! whether the renders share their random numbers (then most of the noise cancels, index by index) or not (then the cross
 //! terms average out). Each pixel gives one degree of freedom; the sum's are Satterthwaite's, the interval is Student's.
 //! Assumed: pixels are independent, halves are independent of each other, A's own relative error is small (below some
-//! 10 %). Not included: what rebuilding the tree changes by itself, and differences between runs in time.
+//! 10 %). Not included: differences between runs in time.
+//!
+//! Where the trees differ, what their luck changes ([`crate::tree_noise`]) is added to the variance, of totals and of tiles,
+//! if it was measured; else a note says that it is missing.
 //!
 //! Without halves on both sides the variances of A and B are added as if independent, from whatever there is: half²,
 //! `var.*`, the document's interval. With s²/n and shared random numbers that is doubly too wide, hence "conservative".
@@ -19,16 +22,19 @@
 
 mod gate;
 mod inputs;
+mod power;
 mod tiles;
+mod trees;
 
 pub use gate::{Gate, GateError, GateOutcome, GateResult};
+pub use power::{FOUND_IN_80_PERCENT, Needed};
 
 use crate::document::Document;
 use crate::error::Result;
 use crate::layers::Layers;
 use crate::metric::{Metric, Sum};
 use crate::stats::CiKind;
-use crate::student::Variance;
+use crate::tree_noise::TreeNoise;
 use inputs::Sides;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -95,6 +101,10 @@ pub struct TotalChange {
     pub ci_kind: CiKind,
     /// Whether the interval leaves out 0; null without one.
     pub significant: Option<bool>,
+    /// Standard error of `relative` from sampling alone; absent where there are no halves.
+    pub sampling_error: Option<f64>,
+    /// Standard error of `relative` from the luck of the trees; absent where it is not known.
+    pub tree_error: Option<f64>,
     /// Σ over A's paths, from its document.
     pub sum_a: Option<Sum>,
     /// Σ over B's paths.
@@ -117,7 +127,23 @@ pub struct PixelTests {
 /// [`crate::Error::Unsupported`] when the renders differ in size, tree width, builder or kernel and `force` is false;
 /// [`crate::Error::Invalid`] when they share no metric, or a plane does not fit its picture.
 pub fn compare(a: Side<'_>, b: Side<'_>, force: bool) -> Result<Comparison> {
-    let sides = Sides::new(a, b, force)?;
+    compare_over_trees(a, b, force, None)
+}
+
+/// [`compare`] with the tree noise of the pair, measured over shared shuffles ([`crate::TreeSpread::add_pair`]), in place of
+/// each side's own: its totals, and the layers that hold its planes.
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_over_trees(
+    a: Side<'_>,
+    b: Side<'_>,
+    force: bool,
+    pair: Option<(&TreeNoise, &Layers)>,
+) -> Result<Comparison> {
+    let mut sides = Sides::new(a, b, force)?;
+    let trees = trees::Trees::of(&sides, pair);
+    sides.notes.extend(trees.note());
     let mut comparison = Comparison {
         schema: SCHEMA.to_owned(),
         a: a.name.to_owned(),
@@ -132,15 +158,15 @@ pub fn compare(a: Side<'_>, b: Side<'_>, force: bool) -> Result<Comparison> {
         ..Comparison::default()
     };
     for metric in &sides.metrics {
-        comparison.add(&sides, *metric);
+        comparison.add(&sides, &trees, *metric);
     }
     Ok(comparison)
 }
 
 impl Comparison {
-    fn add(&mut self, sides: &Sides<'_>, metric: Metric) {
+    fn add(&mut self, sides: &Sides<'_>, trees: &trees::Trees<'_>, metric: Metric) {
         let name = metric.name().to_owned();
-        self.totals.insert(name.clone(), change(sides, metric));
+        self.totals.insert(name.clone(), change(sides, trees, metric));
         let mut tests = PixelTests::default();
         if sides.same_size
             && let (Some(a), Some(b)) = (sides.a.layers.metric(metric), sides.b.layers.metric(metric))
@@ -161,7 +187,12 @@ impl Comparison {
                         if valid { [difference(a, b), difference(half_a, half_b)] } else { [0.0; 2] }
                     })
                     .collect();
-                let flags = tiles::test(sides.a.layers.width, sides.a.layers.height, &differences);
+                let flags = tiles::test(
+                    sides.a.layers.width,
+                    sides.a.layers.height,
+                    &differences,
+                    &trees.tiles(sides, metric),
+                );
                 tests.tested = Some(differences.len() as u64);
                 tests.significant = Some(flags.iter().filter(|flag| **flag).count() as u64);
                 let plane = flags.into_iter().map(|flag| if flag { 1.0 } else { 0.0 }).collect();
@@ -180,7 +211,7 @@ impl Comparison {
 }
 
 /// The change of a metric's mean with its interval.
-fn change(sides: &Sides<'_>, metric: Metric) -> TotalChange {
+fn change(sides: &Sides<'_>, trees: &trees::Trees<'_>, metric: Metric) -> TotalChange {
     let (a, b) = (sides.mean(&sides.a, metric), sides.mean(&sides.b, metric));
     let sum =
         |side: &Side<'_>| side.document.and_then(|document| document.total(metric)).map(|total| total.sum);
@@ -198,11 +229,20 @@ fn change(sides: &Sides<'_>, metric: Metric) -> TotalChange {
         return change;
     }
     let ratio = if a == 0.0 { 0.0 } else { b / a };
-    let Some((variance, kind)) = sides.variance(metric, ratio) else { return change };
+    let Some((mut variance, kind)) = sides.variance(metric, ratio) else { return change };
     change.ci_kind = kind;
+    if a != 0.0 {
+        change.sampling_error = (kind == CiKind::Halves).then(|| variance.sum().sqrt() / a.abs());
+    }
+    let of_trees = trees.totals(metric, b);
+    for (of_tree, dof) in of_trees.iter().flatten() {
+        variance.add(*of_tree, *dof);
+    }
+    if a != 0.0 {
+        change.tree_error = of_trees.map(|v| v.iter().map(|(v, _)| v).sum::<f64>().sqrt() / a.abs());
+    }
     // Planes are rounded to f32: what lies below that is no change.
     let rounding = f64::from(f32::EPSILON) * a.abs().max(b.abs());
-    let variance: Variance = variance;
     match change.relative {
         Some(relative) => {
             let width = (variance.half_width95() + rounding) / a.abs();

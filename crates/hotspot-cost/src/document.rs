@@ -58,6 +58,9 @@ pub struct Document {
     pub tree: Tree,
     /// Bytes.
     pub memory: Memory,
+    /// How much the totals vary from tree to tree, when measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tree_noise: Option<crate::TreeNoise>,
     /// Totals by [`Metric::name`].
     pub totals: BTreeMap<String, Total>,
     /// Expected relative squared error of the picture ([`stats::estimated_relmse`]).
@@ -119,6 +122,8 @@ pub struct Tree {
     pub nodes: u64,
     /// Triangles.
     pub triangles: u64,
+    /// Fingerprint: renders over the same tree have the same one. Empty when unknown.
+    pub digest: String,
 }
 
 /// Bytes held.
@@ -229,4 +234,4 @@ impl Document {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -48,20 +48,24 @@ mod metric;
 mod metric_set;
 #[cfg_attr(not(feature = "report"), allow(dead_code, reason = "the page alone uses some of it"))]
 mod names;
+mod picture_change;
 pub mod picture_error;
 pub mod prediction;
 mod recorder;
+mod repeats;
 pub mod stats;
 mod student;
 #[cfg(test)]
 mod testing;
+pub mod tree_noise;
+pub mod whatif;
 
 #[cfg(feature = "maps")]
 pub mod maps;
 #[cfg(feature = "report")]
 pub mod report;
 
-pub use compare::{Comparison, Side, compare};
+pub use compare::{Comparison, Side, compare, compare_over_trees};
 pub use counter::{Cause, Counter};
 pub use digest::Digest;
 pub use document::Document;
@@ -72,7 +76,11 @@ pub use layers::{LayerOptions, Layers, RADIANCE};
 pub use ledger::Ledgers;
 pub use metric::{CostModel, Metric, Sum};
 pub use metric_set::{MetricSet, UnknownMetric};
+pub use picture_change::PictureChange;
 pub use recorder::{
     CostPixel, FilmPixel, PathEnd, PathRecorder, PixelRecorder, RayCounter, Rect, TileRecorder,
 };
+pub use repeats::RepeatChange;
 pub use stats::{CiKind, Total};
+pub use tree_noise::{TreeNoise, TreeSpread};
+pub use whatif::WhatIf;

@@ -33,6 +33,8 @@ pub enum CiKind {
     Halves,
     /// s²/n, an upper bound.
     Conservative,
+    /// Interleaved repeats: of time alone.
+    Repeats,
     /// There is none.
     #[default]
     None,

@@ -75,6 +75,7 @@ pub struct RenderScene {
     objects: Vec<String>,
     class: SceneClass,
     repairs: Vec<Repair>,
+    default_environment: bool,
     build_seconds: f64,
 }
 
@@ -138,10 +139,12 @@ impl RenderScene {
             Lights::new(&scene.materials, environment, &scene.lights, &mut geometry, &textures, radius)
         };
         let mut lights = collect(Surroundings::new(scene.environment.as_ref())?);
+        let mut default_environment = false;
         if scene.environment.is_none()
             && let Some(problem) = lacks_light(scene, &lights)
         {
             lights = collect(Surroundings::Constant(Vec3::ONE));
+            default_environment = true;
             repairs.push(Repair {
                 what: format!("{problem}: a constant white environment is used (--env 0,0,0 turns it off)"),
                 element: "scene".into(),
@@ -162,6 +165,7 @@ impl RenderScene {
             cutouts: geometry_has_cutouts,
             class,
             repairs,
+            default_environment,
             build_seconds,
         })
     }
@@ -202,6 +206,11 @@ impl RenderScene {
     /// What was mended while preparing.
     pub fn repairs(&self) -> &[Repair] {
         &self.repairs
+    }
+
+    /// Whether the scene was given the white environment of those that have no light.
+    pub const fn has_default_environment(&self) -> bool {
+        self.default_environment
     }
 
     /// Seconds that the tree took.

@@ -25,6 +25,7 @@ Examples:
   hotspot-render compare before.exr after.exr      what a change did to the cost, with intervals
   hotspot-render compare a.exr b.exr --fail-over nodes=2%
   hotspot-render error scene.gltf --vary sampler=independent,sobol      seconds against error, side by side
+  hotspot-render whatif scene.gltf --matte Mirror   what that change would save, with intervals
   hotspot-render report other-renderer.exr         maps and page from any EXR with cost.* channels";
 
 /// A path tracer that shows what every pixel of a scene costs, and why.
@@ -55,6 +56,8 @@ pub(crate) enum Command {
     Calibrate(Box<CalibrateArgs>),
     /// Say what a render will count and how long it will take
     Predict(Box<PredictArgs>),
+    /// Measure what a change of the scene would do to its cost
+    Whatif(Box<crate::commands::whatif::WhatIfArgs>),
 }
 
 /// The names of the commands, `help` last.
@@ -123,6 +126,9 @@ pub(crate) struct RenderArgs {
     /// Keep two independent halves of the samples, for confidence intervals
     #[arg(long)]
     pub(crate) intervals: bool,
+    /// Measure tree noise over K further trees, for the intervals of later comparisons
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(2..=1000))]
+    pub(crate) tree_noise: Option<u32>,
     /// What to measure: all, none, names, or the groups rays, intersection, time, shading, cause, ledgers
     #[arg(long, value_name = "LIST", default_value = "all")]
     pub(crate) metrics: String,
@@ -351,7 +357,7 @@ impl ScaleArg {
     }
 }
 
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
+pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
     let parsed = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     match parsed {
         Some((w @ 1..=65536, h @ 1..=65536)) => Ok((w, h)),
@@ -359,7 +365,7 @@ fn parse_size(text: &str) -> Result<(u32, u32), String> {
     }
 }
 
-fn parse_roulette(text: &str) -> Result<Roulette, String> {
+pub(crate) fn parse_roulette(text: &str) -> Result<Roulette, String> {
     if text == "off" {
         return Ok(Roulette(None));
     }

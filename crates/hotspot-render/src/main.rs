@@ -13,6 +13,7 @@ mod output;
 mod progress;
 mod say;
 mod stage;
+mod trees;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -40,6 +41,7 @@ fn main() -> ExitCode {
         Command::Error(options) => commands::error::run(&options),
         Command::Calibrate(options) => commands::calibrate::run(&options),
         Command::Predict(options) => commands::predict::run(&options),
+        Command::Whatif(options) => commands::whatif::run(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

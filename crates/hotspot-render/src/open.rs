@@ -120,7 +120,7 @@ impl SceneArgs {
         Ok(scene)
     }
 
-    fn load_options(&self) -> LoadOptions {
+    pub(crate) fn load_options(&self) -> LoadOptions {
         LoadOptions {
             max_memory_bytes: self.max_memory.saturating_mul(1 << 20),
             max_texture_bytes: self.max_texture_memory.saturating_mul(1 << 20),
@@ -147,6 +147,7 @@ impl SceneArgs {
                     IsaArg::Portable => Isa::Portable,
                     IsaArg::Avx2 => Isa::Avx2,
                 },
+                shuffle: None,
             },
             instancing: match self.instances {
                 InstancesArg::Auto => Instancing::Auto,
@@ -159,7 +160,14 @@ impl SceneArgs {
 
     /// Makes the scene ready, and names the file where it cannot.
     pub(crate) fn prepare(&self, scene: &Scene) -> Result<RenderScene, Fail> {
-        RenderScene::prepare(scene, self.prepare_options()).map_err(|error| {
+        self.prepare_over_tree(scene, None)
+    }
+
+    /// The same over another tree, one for each number.
+    pub(crate) fn prepare_over_tree(&self, scene: &Scene, shuffle: Option<u64>) -> Result<RenderScene, Fail> {
+        let mut options = self.prepare_options();
+        options.tree.shuffle = shuffle;
+        RenderScene::prepare(scene, options).map_err(|error| {
             let file = self.file.as_ref().map_or("demo.glb".into(), |path| path.to_string_lossy());
             Fail::new(FAILED, format!("{file}: {error}"))
         })

@@ -56,6 +56,13 @@ struct PageParts<'a> {
     object_triangles: &'a [u64],
 }
 
+/// How a comparison is called, what it says, and its JSON.
+pub(crate) struct Pair<'a> {
+    pub(crate) stem: &'a str,
+    pub(crate) verdict: String,
+    pub(crate) json: String,
+}
+
 /// What was written.
 pub(crate) struct Written {
     /// "path: what it is", in order.
@@ -254,6 +261,19 @@ impl<'a> Writer<'a> {
         b: &Side<'_>,
         comparison: &Comparison,
     ) -> Result<Written, Fail> {
+        let verdict = comparison_verdict(comparison);
+        self.pair(a, b, comparison, Pair { stem: "compare", verdict, json: comparison.to_json() })
+    }
+
+    /// The same under another name.
+    pub(crate) fn pair(
+        &self,
+        a: &Side<'_>,
+        b: &Side<'_>,
+        comparison: &Comparison,
+        pair: Pair<'_>,
+    ) -> Result<Written, Fail> {
+        let Pair { stem, verdict, json } = pair;
         let mut files = Vec::new();
         let (width, height) = (comparison.layers.width, comparison.layers.height);
         let metrics: Vec<Metric> = match self.views.maps {
@@ -270,7 +290,7 @@ impl<'a> Writer<'a> {
                 let Some(values) = layers.metric(metric) else { continue };
                 self.map(
                     &mut files,
-                    &format!("compare.{side}.{}", metric.name()),
+                    &format!("{stem}.{side}.{}", metric.name()),
                     width,
                     height,
                     values,
@@ -289,7 +309,7 @@ impl<'a> Writer<'a> {
                 };
                 self.map(
                     &mut files,
-                    &format!("compare.{kind}.{}", metric.name()),
+                    &format!("{stem}.{kind}.{}", metric.name()),
                     width,
                     height,
                     values,
@@ -303,12 +323,11 @@ impl<'a> Writer<'a> {
                 )?;
             }
         }
-        let json = comparison.to_json();
-        let file = self.folder.join("compare.json");
+        let file = self.folder.join(format!("{stem}.json"));
         write_atomic(&file, json.as_bytes())?;
         files.push(format!("{}: changes with their intervals", file.display()));
-        let page = self.folder.join("compare.html");
-        write_atomic(&page, self.comparison_page(a, b, comparison, json).as_bytes())?;
+        let page = self.folder.join(format!("{stem}.html"));
+        write_atomic(&page, self.comparison_page(a, b, comparison, verdict, json).as_bytes())?;
         files.push(format!("{}: the report", page.display()));
         Ok(Written { files, page })
     }
@@ -348,7 +367,14 @@ impl<'a> Writer<'a> {
         }
     }
 
-    fn comparison_page(&self, a: &Side<'_>, b: &Side<'_>, comparison: &Comparison, json: String) -> String {
+    fn comparison_page(
+        &self,
+        a: &Side<'_>,
+        b: &Side<'_>,
+        comparison: &Comparison,
+        verdict: String,
+        json: String,
+    ) -> String {
         // One exposure for both, A's where it is automatic.
         let picture_a = tone_mapped(a.layers, self.views.exposure);
         let exposure = picture_a.as_ref().map_or(self.views.exposure, |p| Exposure::Ev(p.ev));
@@ -403,7 +429,7 @@ impl<'a> Writer<'a> {
             .collect();
         compare_html(&CompareInput {
             title: format!("{} against {}", comparison.a, comparison.b),
-            verdict: comparison_verdict(comparison),
+            verdict,
             a: PageSide { name: comparison.a.clone(), beauty: &beauty_a },
             b: PageSide { name: comparison.b.clone(), beauty: &beauty_b },
             maps,
@@ -590,6 +616,7 @@ fn totals(document: &Document) -> Vec<TotalRow> {
                 ci_kind: match total.ci_kind {
                     CiKind::Halves => "independent halves".into(),
                     CiKind::Conservative => "upper bound".into(),
+                    CiKind::Repeats => "repeats".into(),
                     CiKind::None => String::new(),
                 },
                 sum: match total.sum {

@@ -83,7 +83,17 @@ impl<'a> Stage<'a> {
 
     /// Renders on the stage's own threads.
     pub(crate) fn render(&self, settings: &Settings, control: Control<'_>) -> Rendered {
-        self.pool.install(|| render(&self.prepared, &self.camera, settings, control))
+        self.render_over(&self.prepared, settings, control)
+    }
+
+    /// The same of another preparation of the scene: over another tree, or of an edited scene.
+    pub(crate) fn render_over(
+        &self,
+        prepared: &RenderScene,
+        settings: &Settings,
+        control: Control<'_>,
+    ) -> Rendered {
+        self.pool.install(|| render(prepared, &self.camera, settings, control))
     }
 
     /// Refuses frames that would not fit, before anything is allocated. `frames`: how many are held at once.
@@ -138,7 +148,16 @@ impl<'a> Stage<'a> {
 
     /// The document of a render on this stage. Settings and hotspots are the caller's to add.
     pub(crate) fn document(&self, rendered: &Rendered, options: &LayerOptions) -> Document {
-        let prepared = &self.prepared;
+        self.document_over(&self.prepared, rendered, options)
+    }
+
+    /// The same of another preparation of the scene.
+    pub(crate) fn document_over(
+        &self,
+        prepared: &RenderScene,
+        rendered: &Rendered,
+        options: &LayerOptions,
+    ) -> Document {
         let held = prepared.memory();
         let mut document = Document::of_frame(&rendered.frame, options);
         document.generator = format!("hotspot-render {}", env!("CARGO_PKG_VERSION"));
@@ -154,6 +173,7 @@ impl<'a> Stage<'a> {
             width: hotspot_bvh::WIDTH,
             nodes: prepared.bvh().node_count() as u64,
             triangles: prepared.triangle_count() as u64,
+            digest: tree_digest(prepared),
         };
         document.memory.geometry = held.geometry;
         document.memory.bvh = held.bvh;
@@ -184,6 +204,12 @@ impl<'a> Stage<'a> {
         }
         map
     }
+}
+
+/// FNV-1a over the words of the tree: equal for equal trees, for telling whether two renders went over the same one.
+fn tree_digest(prepared: &RenderScene) -> String {
+    let mix = |hash: u64, word: u32| (hash ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3);
+    format!("{:016x}", prepared.bvh().words().fold(0xcbf2_9ce4_8422_2325, mix))
 }
 
 /// What shines, in words.

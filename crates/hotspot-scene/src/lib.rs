@@ -18,6 +18,7 @@
 #![forbid(unsafe_code)]
 
 mod budget;
+pub mod edit;
 mod environment;
 mod error;
 mod files;
@@ -39,6 +40,7 @@ use files::Folder;
 
 pub use environment::load_environment;
 pub use error::{LoadError, Place};
+pub use gltf::rewrite::Container;
 pub use options::{LoadOptions, SceneChoice};
 pub use scene::*;
 
@@ -61,6 +63,55 @@ pub fn load_glb_bytes(name: &str, bytes: &[u8], options: &LoadOptions) -> Result
     let mut scene = gltf::load(bytes, true, None, options, &budget).map_err(|error| error.in_file(path))?;
     scene.name = stem(path);
     Ok(scene)
+}
+
+/// The bytes of a glTF file with edits made in its JSON, so that nothing else changes; buffers and images that lie in other
+/// files are brought inside, so that it opens from anywhere. `options` must be those that the scene was loaded with: they
+/// decide which names there are. `environment`: a constant one to write into the scene
+/// (`scenes[].extras.environment.constant`).
+///
+/// # Errors
+/// [`LoadError`], also for OBJ files, and for what no change of the JSON can do: moving what a skin places, roughness that
+/// lies in a texture.
+pub fn edited_gltf(
+    path: &Path,
+    options: &LoadOptions,
+    edits: &[edit::Edit],
+    environment: Option<[f32; 3]>,
+    container: Container,
+) -> Result<Vec<u8>, LoadError> {
+    let edited = || {
+        let budget = Budget::new(options.max_memory_bytes);
+        let bytes = files::read(path, options.max_file_bytes, &budget, "")?;
+        let first = bytes.iter().find(|byte| !byte.is_ascii_whitespace());
+        let is_text = matches!(first, Some(b'{' | 0xef));
+        if !gltf::glb::is_glb(&bytes) && !is_text {
+            return Err(error::unsupported(
+                "",
+                "the edited scene can only be written for glTF files",
+                "convert it to glTF first",
+            ));
+        }
+        let folder = Folder::of(path)?;
+        gltf::rewrite::rewrite(&bytes, Some(&folder), options, edits, environment, container)
+    };
+    edited().map_err(|error: LoadError| error.in_file(path))
+}
+
+/// [`edited_gltf`] for a GLB file in memory; `name` stands for it in messages.
+///
+/// # Errors
+/// As [`edited_gltf`].
+pub fn edited_glb_bytes(
+    name: &str,
+    bytes: &[u8],
+    options: &LoadOptions,
+    edits: &[edit::Edit],
+    environment: Option<[f32; 3]>,
+    container: Container,
+) -> Result<Vec<u8>, LoadError> {
+    gltf::rewrite::rewrite(bytes, None, options, edits, environment, container)
+        .map_err(|error| error.in_file(Path::new(name)))
 }
 
 fn load_file(path: &Path, options: &LoadOptions) -> Result<Scene, LoadError> {

@@ -2,9 +2,9 @@
 //! instruction sets give the same hits and counts, `Scene::check` tests for every ray of every room.)
 
 use crate::meshes::icosphere;
-use crate::support::{QUALITIES, Rng, Triangle, scaled, soup};
+use crate::support::{QUALITIES, Rng, Triangle, bits, narrow, scaled, soup};
 use hotspot_bvh::simd::Isa;
-use hotspot_bvh::{BuildOptions, Bvh, Quality};
+use hotspot_bvh::{BuildOptions, Bvh, NoProbe, Quality, Ray};
 
 /// FNV-1a over the words of a tree.
 fn hash(triangles: &[Triangle], options: BuildOptions) -> u64 {
@@ -53,7 +53,8 @@ fn trees_do_not_depend_on_concurrent_builds() {
 #[test]
 fn trees_do_not_depend_on_the_instruction_set() {
     for triangles in scenes() {
-        let hash = |isa| hash(&triangles, BuildOptions { quality: Quality::Medium, isa });
+        let hash =
+            |isa| hash(&triangles, BuildOptions { quality: Quality::Medium, isa, ..Default::default() });
         assert_eq!(hash(Isa::Portable), hash(Isa::Auto));
     }
 }
@@ -87,4 +88,26 @@ fn words_tell_trees_apart() {
     let mut swapped = triangles;
     swapped.swap(3, 80);
     assert_ne!(hash(&swapped, BuildOptions::default()), expected);
+}
+
+/// Shuffled trees are other trees with the same hits: what they cost is how much the tree's luck is worth.
+#[test]
+fn shuffled_trees_hit_the_same_and_count_otherwise() {
+    for triangles in &scenes()[..3] {
+        let plain = Bvh::build(triangles, BuildOptions::default()).unwrap();
+        let mut trees = std::collections::BTreeSet::from([hash(triangles, BuildOptions::default())]);
+        for shuffle in 1..4 {
+            let options = BuildOptions { shuffle: Some(shuffle), ..Default::default() };
+            assert_eq!(hash(triangles, options), hash(triangles, options));
+            assert!(trees.insert(hash(triangles, options)), "shuffle {shuffle} changes nothing");
+            let shuffled = Bvh::build(triangles, options).unwrap();
+            let mut rng = Rng::new(shuffle);
+            for _ in 0..300 {
+                let origin = narrow(rng.cube().map(|c| 1.5 * c));
+                let ray = Ray::new(origin, narrow(rng.direction()));
+                assert_eq!(bits(plain.closest_hit(&ray, NoProbe)), bits(shuffled.closest_hit(&ray, NoProbe)));
+                assert_eq!(plain.occluded(&ray, NoProbe), shuffled.occluded(&ray, NoProbe));
+            }
+        }
+    }
 }

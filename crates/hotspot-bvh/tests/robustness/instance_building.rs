@@ -126,7 +126,7 @@ fn trees_with_instances_do_not_depend_on_threads_or_instruction_sets() {
     let world = soup(&mut rng, 2000, 0.5);
     for quality in QUALITIES {
         let hash = |isa| {
-            let options = BuildOptions { quality, isa };
+            let options = BuildOptions { quality, isa, ..Default::default() };
             hash(&Bvh::build_instanced(&world, &meshes, &instances, options).unwrap())
         };
         let expected = hash(Isa::Auto);

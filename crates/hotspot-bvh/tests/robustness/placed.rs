@@ -157,7 +157,7 @@ impl Placement {
         let instances: Vec<_> = places.iter().map(|&(mesh, to_world)| Instance { mesh, to_world }).collect();
         let trees = [Isa::Portable, Isa::Auto]
             .map(|isa| {
-                let options = BuildOptions { quality, isa };
+                let options = BuildOptions { quality, isa, ..Default::default() };
                 Bvh::build_instanced(&triangles, &meshes, &instances, options).unwrap()
             })
             .into();

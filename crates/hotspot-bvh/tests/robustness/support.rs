@@ -188,7 +188,7 @@ pub(crate) struct Scene {
 impl Scene {
     pub(crate) fn new(triangles: Vec<Triangle>, quality: Quality) -> Self {
         let trees = [Isa::Portable, Isa::Auto]
-            .map(|isa| Bvh::build(&triangles, BuildOptions { quality, isa }).unwrap())
+            .map(|isa| Bvh::build(&triangles, BuildOptions { quality, isa, ..Default::default() }).unwrap())
             .into();
         Self { triangles, trees }
     }

@@ -22,7 +22,7 @@ fn coplanar_duplicates_are_won_by_the_lowest_index() {
         }
         let first = |t: &Triangle| triangles.iter().position(|other| other == t).unwrap();
         let trees = [Isa::Portable, Isa::Auto, Isa::Avx2]
-            .map(|isa| Bvh::build(&triangles, BuildOptions { quality, isa }).unwrap());
+            .map(|isa| Bvh::build(&triangles, BuildOptions { quality, isa, ..Default::default() }).unwrap());
         for _ in 0..2000 {
             let origin = narrow(rng.cube().map(|c| 2.0 * c));
             let target = *rng.pick(&triangles);

@@ -28,6 +28,8 @@ fn full() -> Document {
     let note = Note { what: "x".to_owned(), element: "/meshes/0".to_owned(), count: 1 };
     document.unmodelled = vec![note.clone()];
     document.repairs = vec![note];
+    let totals = [("nodes".to_owned(), 0.01)].into();
+    document.tree_noise = Some(crate::TreeNoise { trees: 5, samples_per_pixel: 4, totals });
     document.views = vec![View {
         file: "x.png".to_owned(),
         metric: Some("rays".to_owned()),
@@ -136,17 +138,20 @@ fn properties(schema: &Value, path: &str, all: &mut Vec<(String, String)>) {
     }
 }
 
-#[test]
-fn the_document_and_its_schema_agree_both_ways() {
-    let schema = schema();
-    let value: Value = serde_json::from_str(&full().to_json()).unwrap();
+/// Holds a value with every key against its schema, both ways.
+pub(crate) fn agree(value: &Value, schema: &Value) {
     let mut met = BTreeSet::new();
-    check(&value, &schema, &schema, "", &mut met).unwrap();
+    check(value, schema, schema, "", &mut met).unwrap();
     let mut all = Vec::new();
-    properties(&schema, "", &mut all);
+    properties(schema, "", &mut all);
     let unmet: Vec<_> = all.iter().filter(|(id, _)| !met.contains(id)).map(|(_, path)| path).collect();
     assert!(unmet.is_empty(), "in the schema but never written: {unmet:?}");
-    assert!(all.len() > 70, "{}", all.len());
+    assert!(all.len() > 50, "{}", all.len());
+}
+
+#[test]
+fn the_document_and_its_schema_agree_both_ways() {
+    agree(&serde_json::from_str(&full().to_json()).unwrap(), &schema());
 }
 
 #[test]
@@ -175,6 +180,8 @@ fn documents_survive_json_exactly() {
     total.sum = Sum::Exact(u64::MAX - 1);
     total.mean = 0.1 + 0.2;
     assert!(!document.hotspots.is_empty());
+    // Pixels of hotspots are for the page of the same run alone and are not written.
+    document.hotspots.iter_mut().for_each(|hotspot| hotspot.members.clear());
     let text = document.to_json();
     assert!(text.contains("18446744073709551614"));
     // Which pixels a hotspot has stays in memory.

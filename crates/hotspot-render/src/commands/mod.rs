@@ -6,6 +6,7 @@ pub(crate) mod error;
 pub(crate) mod predict;
 pub(crate) mod render;
 pub(crate) mod report;
+pub(crate) mod whatif;
 
 use crate::fail::{FAILED, Fail};
 use std::path::Path;

@@ -8,6 +8,7 @@ use crate::memory;
 use crate::output::{Output, Writer};
 use crate::progress::Talker;
 use crate::stage::Stage;
+use crate::trees;
 use hotspot_cost::document::Note;
 use hotspot_cost::exr_io::Header;
 use hotspot_cost::{CostModel, Document, LayerOptions, Layers, Ledgers, Metric, hotspots};
@@ -44,7 +45,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     }
     let mut stage = Stage::new(&scene, &args.open, &args.film)?;
     stage.load_seconds = load_seconds;
-    drop(scene);
+    // Needed again for other trees alone.
+    let scene = args.tree_noise.map(|trees| (trees, scene));
     stage.check_memory(args.intervals, 1)?;
     let settings = settings(args, &stage, metrics)?;
     stage.announce(&talker);
@@ -62,12 +64,19 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
         var: args.layers.contains(&LayersArg::Var),
     };
     talker.say("sampling done; writing layers, maps and the report");
-    let layers = Layers::from_frame(&rendered.frame, &options);
+    let mut layers = Layers::from_frame(&rendered.frame, &options);
+    let mut tree_noise = None;
+    if let Some((trees, scene)) = scene.filter(|_| settings.gather.cost) {
+        talker.say(&format!("measuring tree noise over {trees} further trees"));
+        let of = (&settings, &options);
+        tree_noise = trees::measure(&stage, (&args.open, &scene), of, trees, &mut layers, (&talker, cancel))?;
+    }
     let objects =
         if rendered.frame.desc().cost { hotspots::first_objects(&rendered.frame) } else { Vec::new() };
     let mut document = stage.document(&rendered, &options);
     document.settings = described_settings(args, model, &stage, &settings);
     document.cost_unit = profile.as_ref().map(|_| CALIBRATED_UNIT.to_owned());
+    document.tree_noise = tree_noise;
     note_non_finite(&talker, &rendered, &mut document);
     if settings.gather.cost {
         document.hotspots = find_hotspots(model, &settings, &rendered, &layers, &objects, prepared);

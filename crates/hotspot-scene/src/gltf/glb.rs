@@ -72,6 +72,29 @@ pub(crate) fn parse<'a>(bytes: &'a [u8], notes: &mut Notes) -> Result<Glb<'a>> {
     Ok(Glb { json, bin })
 }
 
+/// A GLB file of JSON and a binary chunk.
+pub(crate) fn write(json: &serde_json::Value, bin: Option<&[u8]>) -> Result<Vec<u8>> {
+    let mut text = serde_json::to_vec(json).unwrap_or_default();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let padded = bin.map(|bin| bin.len().next_multiple_of(4));
+    let length = 12 + 8 + text.len() + padded.map_or(0, |length| 8 + length);
+    let field = |length: usize| u32::try_from(length).map_err(|_| super::rewrite::too_long(length));
+    let mut out = Vec::with_capacity(length);
+    out.extend(MAGIC);
+    out.extend(2u32.to_le_bytes());
+    out.extend(field(length)?.to_le_bytes());
+    out.extend(field(text.len())?.to_le_bytes());
+    out.extend(JSON.to_le_bytes());
+    out.extend(&text);
+    if let (Some(bin), Some(padded)) = (bin, padded) {
+        out.extend(field(padded)?.to_le_bytes());
+        out.extend(BIN.to_le_bytes());
+        out.extend(bin);
+        out.resize(length, 0);
+    }
+    Ok(out)
+}
+
 fn u32_at(bytes: &[u8], offset: usize) -> Option<u32> {
     let field = bytes.get(offset..offset.checked_add(4)?)?;
     Some(u32::from_le_bytes(field.try_into().ok()?))

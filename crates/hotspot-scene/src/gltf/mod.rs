@@ -21,6 +21,7 @@ mod member;
 mod meshopt;
 mod morph;
 mod primitive;
+pub(crate) mod rewrite;
 mod schema;
 mod skin;
 mod specular_glossiness;
@@ -94,6 +95,7 @@ struct Loader<'d, 'a> {
     poses: Poses,
     /// Present where a node of the scene has a skin.
     skins: Option<Skins>,
+    origins: rewrite::Origins,
     object_names: Names,
     material_names: Names,
     camera_names: Names,
@@ -114,6 +116,7 @@ impl<'d, 'a> Loader<'d, 'a> {
             mesh_weights: MeshWeights::default(),
             poses: Poses::default(),
             skins: None,
+            origins: rewrite::Origins::default(),
             object_names: Names::default(),
             material_names: Names::default(),
             camera_names: Names::default(),
@@ -302,7 +305,7 @@ impl<'d, 'a> Loader<'d, 'a> {
             }
             let object = match object {
                 Some(object) => object,
-                None => *object.insert(self.object(&node, &mesh)?),
+                None => *object.insert(self.object(&node, &mesh, placed)?),
             };
             for to_world in to_world {
                 self.instance(Instance { object, mesh: mesh_index, material, to_world: *to_world })?;
@@ -311,13 +314,14 @@ impl<'d, 'a> Loader<'d, 'a> {
         Ok(())
     }
 
-    fn object(&mut self, node: &gltf::Node<'_>, mesh: &gltf::Mesh<'_>) -> Result<u32> {
+    fn object(&mut self, node: &gltf::Node<'_>, mesh: &gltf::Mesh<'_>, placed: &Placed) -> Result<u32> {
         let name = match (node.name(), mesh.name()) {
             (Some(name), _) | (None, Some(name)) if !name.is_empty() => cut(name).to_owned(),
             _ => format!("node {}", node.index()),
         };
         let name = self.object_names.unique(&name);
         self.scene.objects.push(Object { name });
+        self.origins.objects.push((placed.node, placed.to_world));
         index_of_last(self.scene.objects.len(), "nodes")
     }
 
@@ -395,6 +399,7 @@ impl<'d, 'a> Loader<'d, 'a> {
         };
         material.name = self.material_names.unique(&material.name);
         self.scene.materials.push(material);
+        self.origins.materials.push(key);
         let index = index_of_last(self.scene.materials.len(), "materials")?;
         let material = MaterialUse { index, uv_sets };
         self.materials.insert(key, material);

@@ -1,6 +1,7 @@
 //! Tests of the public interface: what is loaded, what is refused, what is mended.
 mod damage;
 mod damage_moving;
+mod edit;
 mod environment;
 mod gltf_animation;
 mod gltf_draco;
