@@ -3,7 +3,9 @@
 //! The scene is loaded once and rendered as it is (A) and edited (B), with the same camera and seed and few samples. Counts are
 //! compared with intervals from sampling and from the luck of the trees; time comes from uncounted renders in turns, A B B A ….
 
-use crate::args::{FilmArgs, Roulette, SamplerArg, TalkArgs, ViewArgs, nearest, parse_roulette, parse_size};
+use crate::args::{
+    FilmArgs, LightsArg, Roulette, SamplerArg, TalkArgs, ViewArgs, nearest, parse_roulette, parse_size,
+};
 use crate::fail::{Fail, INTERRUPTED};
 use crate::interrupt;
 use crate::open::{SceneArgs, default_size};
@@ -98,6 +100,8 @@ impl WhatIfArgs {
             seed: self.seed,
             sampler: self.sampler,
             threads: self.threads,
+            adaptive: false,
+            lights: LightsArg::Power,
         }
     }
 }
