@@ -271,7 +271,12 @@ fn same_in_waves(scene: &RenderScene, camera: &Camera) {
         // Stopped early: what was done is what a shorter render gives.
         settings.time_limit = None;
         let cancel = AtomicBool::new(true);
-        let stopped = render(scene, camera, &settings, Control { cancel: Some(&cancel), progress: None });
+        let stopped = render(
+            scene,
+            camera,
+            &settings,
+            Control { cancel: Some(&cancel), progress: None, ..Control::default() },
+        );
         assert_eq!(stopped.stop, Stop::Cancelled);
         assert!(stopped.samples < 13);
         settings.spp = stopped.samples;

@@ -140,6 +140,9 @@ pub struct Control<'a> {
     pub cancel: Option<&'a AtomicBool>,
     /// Called from worker threads after each tile.
     pub progress: Option<&'a (dyn Fn(Progress) + Sync)>,
+    /// Asked with what there is after 8, 10, 12, 14, 16, 20, … samples per pixel (four times in each doubling) whether that is
+    /// enough. Where it is asked does not depend on time, so neither does where the render ends. Not asked of adaptive renders.
+    pub enough: Option<&'a (dyn Fn(&Frame) -> bool + Sync)>,
 }
 
 /// Why a render ended.
@@ -149,6 +152,8 @@ pub enum Stop {
     Done,
     /// The time limit.
     TimeLimit,
+    /// [`Control::enough`].
+    Enough,
     /// [`Control::cancel`].
     Cancelled,
 }
@@ -201,6 +206,15 @@ impl Shelf {
         });
         sum.unwrap_or_else(|| Ledger::new(payers))
     }
+}
+
+/// The first number above `done` of 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, …
+const fn next_question(done: u64) -> u64 {
+    if done < 8 {
+        return 8;
+    }
+    let step = (1 << done.ilog2()) / 4;
+    (done / step + 1) * step
 }
 
 /// Waves are sized to take about this long, so that a render can be stopped and shows progress.
@@ -268,6 +282,8 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
             (None, None) => total,
         };
         let camera_samples = plan.as_ref().map_or(total * pixels, Plan::total);
+        let asked = control.enough.filter(|_| !settings.adaptive);
+        let end = if asked.is_some() { end.min(next_question(done).next_multiple_of(halves)) } else { end };
         let samples = done..(done + wave.next_multiple_of(halves)).min(end);
         let found: Vec<NonFinite> = frame
             .tiles_mut()
@@ -311,6 +327,11 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
         if done == plan.as_ref().map_or(total, Plan::most) {
             break Stop::Done;
         }
+        if asked
+            .is_some_and(|enough| done == next_question(done - 1).next_multiple_of(halves) && enough(&frame))
+        {
+            break Stop::Enough;
+        }
         if control.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
             break Stop::Cancelled;
         }
@@ -347,5 +368,20 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
             if learned.is_some() { "learned" } else { scene.class().name() }
         ),
         non_finite,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::next_question;
+
+    #[test]
+    fn questions_come_four_times_in_each_doubling() {
+        let mut asked = vec![next_question(0)];
+        while asked.len() < 14 {
+            asked.push(next_question(asked[asked.len() - 1]));
+        }
+        assert_eq!(asked, [8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 56, 64, 80]);
+        assert_eq!((next_question(9), next_question(33)), (10, 40));
     }
 }

@@ -147,6 +147,10 @@ pub(crate) struct RenderArgs {
     /// Stop after about so many seconds and keep what was done
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub(crate) time_limit: Option<f64>,
+    /// Stop once the picture's estimated relative squared error is at most this: unbiased with --intervals, an upper bound without.
+    /// --spp is the most samples then [default: 65536]
+    #[arg(long, value_name = "E", value_parser = parse_error, conflicts_with_all = ["adaptive", "no_radiance"])]
+    pub(crate) target_error: Option<f64>,
     /// Further layers in the EXR: var (upper bounds of the variances)
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',')]
     pub(crate) layers: Vec<LayersArg>,
@@ -342,7 +346,11 @@ impl RenderArgs {
 
     /// Camera samples per pixel.
     pub(crate) fn samples(&self) -> u32 {
-        self.spp.unwrap_or(if self.open.demo { 32 } else { 64 })
+        self.spp.unwrap_or(match (self.target_error, self.open.demo) {
+            (Some(_), _) => 65536,
+            (None, true) => 32,
+            (None, false) => 64,
+        })
     }
 
     /// The constants of equation 1; a profile brings its own.
@@ -376,6 +384,13 @@ fn parse_weight(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() && x >= 0.0 => Ok(x),
         _ => Err("write a number that is not negative".into()),
+    }
+}
+
+fn parse_error(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x > 0.0 && x.is_finite() => Ok(x),
+        _ => Err("write a positive error such as 1e-3".into()),
     }
 }
 

@@ -11,6 +11,8 @@ use std::time::{Duration, Instant};
 pub(crate) struct Talker {
     mode: Mode,
     quiet: bool,
+    /// The estimated relMSE so far, and whether it is unbiased rather than an upper bound.
+    estimate: Mutex<Option<(f64, bool)>>,
 }
 
 enum Mode {
@@ -40,7 +42,7 @@ impl Talker {
         } else {
             Mode::Lines(Mutex::new(None))
         };
-        Self { mode, quiet: talk.quiet }
+        Self { mode, quiet: talk.quiet, estimate: Mutex::new(None) }
     }
 
     /// One line for people on standard output, unless quiet.
@@ -58,17 +60,33 @@ impl Talker {
         }
     }
 
+    /// Whether an estimate of the error would be seen.
+    pub(crate) const fn shows_estimate(&self) -> bool {
+        matches!(self.mode, Mode::Bar(_) | Mode::Json(_))
+    }
+
+    /// The relative squared error of the picture so far, shown with the progress from now on.
+    pub(crate) fn estimate(&self, error: f64, unbiased: bool) {
+        if let Ok(mut estimate) = self.estimate.lock() {
+            *estimate = Some((error, unbiased));
+        }
+    }
+
     /// Called from worker threads.
     pub(crate) fn progress(&self, progress: Progress) {
         let share = progress.done as f64 / progress.total as f64;
         let elapsed = progress.elapsed.as_secs_f64();
         let rate = progress.done as f64 / elapsed.max(1e-9) * 1e-6;
         let left = elapsed * (1.0 - share) / share.max(1e-9);
+        let estimate = self.estimate.lock().ok().and_then(|estimate| *estimate);
         match &self.mode {
             Mode::Silent => {}
             Mode::Bar(bar) => {
                 bar.set_position((share * 1000.0) as u64);
-                bar.set_message(format!("{rate:.2} Msamples/s, {left:.0} s left"));
+                let error = estimate.map_or(String::new(), |(error, unbiased)| {
+                    format!(", relMSE {}{error:.1e}", if unbiased { "" } else { "below " })
+                });
+                bar.set_message(format!("{rate:.2} Msamples/s, {left:.0} s left{error}"));
             }
             Mode::Lines(last) => {
                 if due(last, LINE_EVERY) {
@@ -77,9 +95,12 @@ impl Talker {
             }
             Mode::Json(last) => {
                 if due(last, JSON_EVERY) || progress.done == progress.total {
+                    let error = estimate.map_or(String::new(), |(error, unbiased)| {
+                        format!(",\"estimated_relmse\":{error:e},\"unbiased\":{unbiased}")
+                    });
                     crate::say::err!(
                         "{{\"progress\":{share:.4},\"seconds\":{elapsed:.3},\"msamples_per_second\":{rate:.4},\
-                         \"seconds_left\":{left:.1}}}"
+                         \"seconds_left\":{left:.1}{error}}}"
                     );
                 }
             }

@@ -42,7 +42,7 @@ pub(crate) fn measure(
         }
         let prepared = open.prepare_over_tree(scene, Some(number))?;
         let progress = |p| talker.progress(p);
-        let control = Control { cancel: Some(cancel), progress: Some(&progress) };
+        let control = Control { cancel: Some(cancel), progress: Some(&progress), ..Control::default() };
         let rendered = stage.render_over(&prepared, &settings, control);
         if rendered.stop == hotspot_integrator::Stop::Done {
             spread.add(&Layers::from_frame(&rendered.frame, &options));

@@ -81,7 +81,7 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Fail> {
         }))
         .collect();
     let cancel = interrupt::flag();
-    let control = Control { cancel: Some(cancel), progress: None };
+    let control = Control { cancel: Some(cancel), progress: None, ..Control::default() };
     let mut subjects = Vec::new();
     for open in &opens {
         let subject = Subject::new(open, args, control, &talker)?;

@@ -143,7 +143,10 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Fail> {
 
     let cancel = interrupt::flag();
     let render = |settings: &Settings| -> Rendered {
-        stage.render(settings, Control { cancel: Some(cancel), progress: Some(&|p| talker.progress(p)) })
+        stage.render(
+            settings,
+            Control { cancel: Some(cancel), progress: Some(&|p| talker.progress(p)), ..Control::default() },
+        )
     };
     let most = spps.last().copied().unwrap_or(1);
     let (reference, facts) = match read {

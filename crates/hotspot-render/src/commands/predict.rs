@@ -85,7 +85,7 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Fail> {
     let mut full = stage.settings();
     full.spp = spp;
     full.gather = if args.plain { Gather::RADIANCE } else { Gather::ALL };
-    let control = Control { cancel: Some(interrupt::flag()), progress: None };
+    let control = Control { cancel: Some(interrupt::flag()), progress: None, ..Control::default() };
     let begin = Instant::now();
     let plan = Plan::new(&stage, &full, args.pilot, control)?;
     let run = plan.run(&stage, &full, model, control)?;

@@ -11,7 +11,9 @@ use crate::stage::Stage;
 use crate::trees;
 use hotspot_cost::document::Note;
 use hotspot_cost::exr_io::Header;
-use hotspot_cost::{CostModel, Document, LayerOptions, Layers, Ledgers, Metric, hotspots};
+use hotspot_cost::{
+    CiKind, CostModel, Document, Frame, LayerOptions, Layers, Ledgers, Metric, hotspots, stats,
+};
 use hotspot_integrator::{Control, Gather, RenderScene, Rendered, Settings, Stop};
 use hotspot_scene::{Camera, Projection};
 use serde_json::{Value, json};
@@ -53,7 +55,20 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
 
     let cancel = interrupt::flag();
     let progress = |p| talker.progress(p);
-    let rendered = stage.render(&settings, Control { cancel: Some(cancel), progress: Some(&progress) });
+    let enough = |frame: &Frame| {
+        let Some((error, kind)) = stats::estimated_relmse(frame) else { return false };
+        talker.estimate(error, kind == CiKind::Halves);
+        args.target_error.is_some_and(|target| error <= target)
+    };
+    let asks = args.target_error.is_some() || (settings.gather.radiance && talker.shows_estimate());
+    let rendered = stage.render(
+        &settings,
+        Control {
+            cancel: Some(cancel),
+            progress: Some(&progress),
+            enough: if asks { Some(&enough) } else { None },
+        },
+    );
     talker.finish();
     let prepared = &stage.prepared;
 
@@ -168,6 +183,7 @@ fn described_settings(
     put("c1", json!(model.c1));
     put("profile", json!(args.profile.as_ref().map(|path| path.to_string_lossy())));
     put("time-limit", json!(args.time_limit));
+    put("target-error", json!(args.target_error));
     map
 }
 
@@ -291,8 +307,20 @@ fn finish(
     page: &Path,
 ) -> Result<(), Fail> {
     talker.say(&last_line(document, page));
+    if let (Some(target), Some(error)) = (args.target_error, document.estimated_relmse) {
+        let kind = if document.estimated_relmse_kind == CiKind::Halves {
+            "estimated"
+        } else {
+            "at most, by its upper bound,"
+        };
+        let reached = if rendered.stop == Stop::Enough { "reached" } else { "not reached" };
+        talker.say(&format!(
+            "--target-error {target:e} {reached}: the relative squared error is {kind} {error:.2e} after {} samples per pixel",
+            rendered.samples
+        ));
+    }
     match rendered.stop {
-        Stop::Done => Ok(()),
+        Stop::Done | Stop::Enough => Ok(()),
         Stop::TimeLimit => {
             talker.say(&format!(
                 "stopped by --time-limit after {} of {} samples per pixel",

@@ -219,7 +219,7 @@ impl Both<'_> {
         let one = |side: usize| {
             let mut settings = settings.clone();
             settings.max_depth = self.depths[side];
-            let control = Control { cancel: Some(cancel), progress: Some(&progress) };
+            let control = Control { cancel: Some(cancel), progress: Some(&progress), ..Control::default() };
             let rendered = self.stage.render_over(prepared[side], &settings, control);
             if rendered.stop == Stop::Done {
                 Ok(rendered)
