@@ -80,13 +80,13 @@ fn roughness_turns_mirrors_into_metals_and_back() {
 
 #[test]
 fn deleted_objects_keep_their_number() {
-    let (scene, met) = edited(Edit::Delete { object: "Chair".into() });
-    assert_eq!(scene.objects.len(), 4);
-    assert!(scene.instances.iter().all(|i| i.object != 0) && scene.instances.len() == 3);
+    let (without, met) = edited(Edit::Delete { object: "Chair".into() });
+    assert_eq!(without.objects.len(), 4);
+    assert!(without.instances.iter().all(|i| i.object != 0) && without.instances.len() == 3);
     assert_eq!((met.instances, met.objects, met.triangles, met.lights_removed), (2, 1, 2, false));
     assert_eq!(met.namesakes, ["Chair #2"]);
     let (dark, met) = edited(Edit::Delete { object: "Lamp".into() });
-    assert!(met.lights_removed && !has_lights(&dark) && has_lights(&scene));
+    assert!(met.lights_removed && !has_lights(&dark) && has_lights(&scene()));
 }
 
 #[test]
