@@ -313,7 +313,7 @@ fn finish(
         } else {
             "at most, by its upper bound,"
         };
-        let reached = if rendered.stop == Stop::Enough { "reached" } else { "not reached" };
+        let reached = if error <= target { "reached" } else { "not reached" };
         talker.say(&format!(
             "--target-error {target:e} {reached}: the relative squared error is {kind} {error:.2e} after {} samples per pixel",
             rendered.samples
