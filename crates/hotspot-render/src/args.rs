@@ -277,7 +277,7 @@ impl SamplerArg {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LightsArg {
-    /// By power alone
+    /// Half by power, half evenly by object
     Power,
     /// By how they face each point, and an environment by where it was found to be seen from
     Learned,
