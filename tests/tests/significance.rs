@@ -259,6 +259,7 @@ const SCENES: [&str; 6] = [
 #[ignore = "minutes of rendering: 1000 pairs on six scenes, with the tables"]
 fn a_thousand_pairs() {
     let mut claims = same_scenes(&SCENES, 1000, 8);
-    claims.extend(changed_scenes(&SCENES[..4], 1000, 4096));
+    // The others hardly change: paths leave them for the sky.
+    claims.extend(changed_scenes(&SCENES[..3], 1000, 4096));
     decide(&claims);
 }
