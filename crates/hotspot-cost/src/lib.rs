@@ -34,6 +34,7 @@ pub mod calibration;
 pub mod compare;
 pub mod convergence;
 mod counter;
+pub mod cryptomatte;
 mod depth_cut;
 mod digest;
 pub mod document;

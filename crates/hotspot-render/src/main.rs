@@ -12,6 +12,7 @@ mod open;
 mod output;
 mod progress;
 mod say;
+mod seen;
 mod stage;
 mod trees;
 

@@ -299,6 +299,8 @@ fn output_seconds(
         header: Header::default(),
         objects: &objects,
         object_names: stage.prepared.objects(),
+        materials: &[],
+        material_names: &[],
         object_triangles: &stage.prepared.object_triangles(),
         ledgers: None,
         write_exr: true,

@@ -7,6 +7,7 @@ use crate::interrupt;
 use crate::memory;
 use crate::output::{Output, Writer};
 use crate::progress::Talker;
+use crate::seen;
 use crate::stage::Stage;
 use crate::trees;
 use hotspot_cost::document::Note;
@@ -49,7 +50,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     stage.load_seconds = load_seconds;
     // Needed again for other trees alone.
     let scene = args.tree_noise.map(|trees| (trees, scene));
-    stage.check_memory(args.intervals, 1)?;
+    let aov = args.layers.contains(&LayersArg::Aov);
+    stage.check_memory_beside(args.intervals, 1, if aov { seen::BYTES } else { 0 })?;
     let settings = settings(args, &stage, metrics)?;
     stage.announce(&talker);
 
@@ -88,6 +90,12 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     }
     let objects =
         if rendered.frame.desc().cost { hotspots::first_objects(&rendered.frame) } else { Vec::new() };
+    let mut attributes = BTreeMap::new();
+    let mut materials = seen::Names::default();
+    if aov || rendered.frame.desc().cost {
+        let layers = if aov { Some((&mut layers, &mut attributes)) } else { None };
+        materials = seen::look(&stage, &settings, &rendered.frame, layers, (&talker, cancel));
+    }
     let mut document = stage.document(&rendered, &options);
     document.settings = described_settings(args, model, &stage, &settings);
     document.cost_unit = profile.as_ref().map(|_| CALIBRATED_UNIT.to_owned());
@@ -103,7 +111,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     document.ledgers = rendered.ledgers.clone().map(Ledgers::shortened);
     document.memory.peak = memory::peak();
 
-    let header = header(&stage.camera, (settings.width, settings.height), &rendered, &document);
+    let size = (settings.width, settings.height);
+    let header = Header { attributes, ..header(&stage.camera, size, &rendered, &document) };
     let page = writer.render(Output {
         stem: &stage.name,
         layers: &layers,
@@ -111,6 +120,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
         header,
         objects: &objects,
         object_names: prepared.objects(),
+        materials: &materials.ids,
+        material_names: &materials.names,
         object_triangles: &prepared.object_triangles(),
         ledgers: rendered.ledgers.as_ref(),
         write_exr: true,
