@@ -1,6 +1,7 @@
 //! What the benchmarks share: scenes, and the choices of metrics whose overhead is compared.
 #![forbid(unsafe_code)]
 
+pub mod scaling;
 pub mod trace;
 
 use hotspot_integrator::{
