@@ -6,6 +6,9 @@
 #![forbid(unsafe_code)]
 
 pub mod agreement;
+pub mod albedo;
+pub mod forms;
+pub mod measured;
 pub mod picture;
 pub mod reference;
 pub mod stats;
