@@ -12,6 +12,7 @@ pub mod measured;
 pub mod picture;
 pub mod reference;
 pub mod stats;
+pub mod twin;
 pub mod world;
 
 use std::io::Write;
