@@ -2,7 +2,7 @@
 
 use crate::adaptive::{Plan, pilot};
 use crate::camera::FilmCamera;
-use crate::kernel::{Kernel, NonFinite, TileJob};
+use crate::kernel::{Kernel, Lost, NonFinite, TileJob};
 use crate::light::{Learned, Lessons};
 use crate::path::PathSettings;
 use crate::sampler::SamplerKind;
@@ -177,6 +177,8 @@ pub struct Rendered {
     pub kernel: String,
     /// Samples whose radiance was not finite and counted as black, sorted; at most 64 per tile and wave are listed.
     pub non_finite: Vec<NonFinite>,
+    /// How many samples that happened to.
+    pub non_finite_count: u64,
 }
 
 /// The ledgers that no worker holds at the moment: as many come into being as workers run at once.
@@ -226,6 +228,17 @@ const WAVE: Duration = Duration::from_millis(1000);
 /// # Panics
 /// When width, height or spp is 0.
 pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control: Control<'_>) -> Rendered {
+    render_in_tiles(scene, camera, settings, control, 16)
+}
+
+/// The same in tiles of another edge, which does not show.
+fn render_in_tiles(
+    scene: &RenderScene,
+    camera: &Camera,
+    settings: &Settings,
+    control: Control<'_>,
+    tile: u32,
+) -> Rendered {
     assert!(settings.spp > 0, "no samples to take");
     let gather = settings.gather;
     let mut frame = Frame::new(FrameDesc {
@@ -233,7 +246,7 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
         height: settings.height,
         intervals: settings.intervals,
         cost: gather.cost || gather.time,
-        tile: 16,
+        tile,
     });
     // Both halves always have as many samples.
     let halves = frame.halves() as u64;
@@ -272,6 +285,7 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
     let mut plan: Option<Plan> = None;
     let taken = AtomicU64::new(0);
     let mut non_finite = Vec::new();
+    let mut non_finite_count = 0;
     let mut done = 0u64;
     let default_wave = if settings.time_limit.is_some() { 1 } else { 4 };
     let mut wave = u64::from(settings.first_wave.unwrap_or(default_wave).max(1));
@@ -285,11 +299,11 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
         let asked = control.enough.filter(|_| !settings.adaptive);
         let end = if asked.is_some() { end.min(next_question(done).next_multiple_of(halves)) } else { end };
         let samples = done..(done + wave.next_multiple_of(halves)).min(end);
-        let found: Vec<NonFinite> = frame
+        let found: Vec<Lost> = frame
             .tiles_mut()
             .par_iter_mut()
             .map(|tile| {
-                let mut found = Vec::new();
+                let mut lost = Lost::default();
                 let mut ledger = payers.as_ref().map(|payers| shelf.take(payers));
                 let added = match &plan {
                     Some(plan) => plan.samples(tile.rect(), samples.start, samples.end),
@@ -303,7 +317,7 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
                             tile,
                             samples: samples.clone(),
                             plan: plan.as_ref(),
-                            non_finite: &mut found,
+                            lost: &mut lost,
                             ledger: ledger.as_mut(),
                         },
                     );
@@ -315,11 +329,13 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
                 if let Some(progress) = control.progress {
                     progress(Progress { done, total: camera_samples, elapsed: start.elapsed() });
                 }
-                found
+                lost
             })
-            .flatten()
             .collect();
-        non_finite.extend(found);
+        for lost in found {
+            non_finite_count += lost.count;
+            non_finite.extend(lost.listed);
+        }
         done = samples.end;
         if plan.is_none() && pilot == Some(done) {
             plan = Some(Plan::new(&frame, done, total));
@@ -368,8 +384,12 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
             if learned.is_some() { "learned" } else { scene.class().name() }
         ),
         non_finite,
+        non_finite_count,
     }
 }
+
+#[cfg(test)]
+mod tiles;
 
 #[cfg(test)]
 mod tests {

@@ -207,7 +207,7 @@ fn note_non_finite(talker: &Talker, rendered: &Rendered, document: &mut Document
     talker.warn(&format!(
         "warning: {} samples had a radiance that is not finite and count as black; the first is sample {} of half {} of \
          pixel ({}, {}); this command shows it again, please report it: {}",
-        rendered.non_finite.len(),
+        rendered.non_finite_count,
         first.sample,
         first.half,
         first.x,
@@ -217,7 +217,7 @@ fn note_non_finite(talker: &Talker, rendered: &Rendered, document: &mut Document
     document.repairs.push(Note {
         what: "samples with a radiance that is not finite, counted as black".into(),
         element: format!("pixel ({}, {}), sample {}", first.x, first.y, first.sample),
-        count: rendered.non_finite.len() as u64,
+        count: rendered.non_finite_count,
     });
 }
 
