@@ -112,6 +112,23 @@ pub struct Render {
     pub threads: u32,
     /// The traversal kernel that was counted.
     pub kernel: String,
+    /// Why sampling ended; absent when unknown.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<Stopped>,
+}
+
+/// Why sampling ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stopped {
+    /// All samples were taken.
+    Samples,
+    /// The time was over.
+    TimeLimit,
+    /// The estimated error was small enough.
+    TargetError,
+    /// The user ended it.
+    Interrupted,
 }
 
 /// The acceleration structure.

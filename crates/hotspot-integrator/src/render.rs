@@ -143,6 +143,9 @@ pub struct Control<'a> {
     /// Asked with what there is after 8, 10, 12, 14, 16, 20, … samples per pixel (four times in each doubling) whether that is
     /// enough. Where it is asked does not depend on time, so neither does where the render ends. Not asked of adaptive renders.
     pub enough: Option<&'a (dyn Fn(&Frame) -> bool + Sync)>,
+    /// Shown what there is between waves, a few times in a render (each time that the samples have doubled), for displays. Waves
+    /// are what they are without it, and its time is not counted in [`Rendered::seconds`].
+    pub watch: Option<&'a (dyn Fn(&Frame) + Sync)>,
 }
 
 /// Why a render ended.
@@ -169,7 +172,7 @@ pub struct Rendered {
     pub samples: u32,
     /// Why it ended.
     pub stop: Stop,
-    /// Seconds of sampling.
+    /// Seconds of sampling, without those spent in the hooks of [`Control`].
     pub seconds: f64,
     /// Worker threads.
     pub threads: usize,
@@ -221,6 +224,9 @@ const fn next_question(done: u64) -> u64 {
 
 /// Waves are sized to take about this long, so that a render can be stopped and shows progress.
 const WAVE: Duration = Duration::from_millis(1000);
+
+/// Samples per pixel after which [`Control::watch`] looks first.
+const FIRST_LOOK: u64 = 8;
 
 /// Renders. Runs in the rayon pool of the caller; the result does not depend on the number of threads, nor on how the
 /// samples are split into waves.
@@ -289,6 +295,9 @@ fn render_in_tiles(
     let mut done = 0u64;
     let default_wave = if settings.time_limit.is_some() { 1 } else { 4 };
     let mut wave = u64::from(settings.first_wave.unwrap_or(default_wave).max(1));
+    // Spent in the caller's hooks.
+    let mut outside = Duration::ZERO;
+    let mut next_look = FIRST_LOOK;
     let stop = loop {
         let end = match (&plan, pilot) {
             (Some(plan), _) => plan.most(),
@@ -343,11 +352,20 @@ fn render_in_tiles(
         if done == plan.as_ref().map_or(total, Plan::most) {
             break Stop::Done;
         }
+        let asked_at = Instant::now();
         if asked
             .is_some_and(|enough| done == next_question(done - 1).next_multiple_of(halves) && enough(&frame))
         {
+            outside += asked_at.elapsed();
             break Stop::Enough;
         }
+        if let Some(watch) = control.watch
+            && done >= next_look
+        {
+            watch(&frame);
+            next_look = 2 * done;
+        }
+        outside += asked_at.elapsed();
         if control.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
             break Stop::Cancelled;
         }
@@ -355,7 +373,7 @@ fn render_in_tiles(
         // Of one more sample for every pixel that is to get one.
         let active = plan.as_ref().map_or(pixels, |plan| plan.active(done));
         let taken = taken.load(Ordering::Relaxed);
-        let per_sample = elapsed.as_secs_f64() * (active as f64 / taken as f64);
+        let per_sample = elapsed.saturating_sub(outside).as_secs_f64() * (active as f64 / taken as f64);
         let mut budget = WAVE.as_secs_f64();
         if let Some(limit) = settings.time_limit {
             budget = budget.min(limit.as_secs_f64() - elapsed.as_secs_f64());
@@ -367,7 +385,7 @@ fn render_in_tiles(
         wave = ((budget / per_sample) as u64).max(1);
     };
     non_finite.sort_unstable();
-    let seconds = start.elapsed().as_secs_f64();
+    let seconds = start.elapsed().saturating_sub(outside).as_secs_f64();
     Rendered {
         frame,
         ledgers: payers.map(|payers| {

@@ -6,9 +6,9 @@ use crate::fail::{FAILED, Fail};
 use crate::memory;
 use crate::open::{SceneArgs, default_size};
 use crate::progress::Talker;
-use hotspot_cost::document::{Note, Tree};
+use hotspot_cost::document::{Note, Stopped, Tree};
 use hotspot_cost::{Document, Frame, LayerOptions};
-use hotspot_integrator::{Control, FirstHit, RenderScene, Rendered, Settings, first_hits, render};
+use hotspot_integrator::{Control, FirstHit, RenderScene, Rendered, Settings, Stop, first_hits, render};
 use hotspot_scene::{Camera, Environment, Repair, Scene};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -191,6 +191,12 @@ impl<'a> Stage<'a> {
         document.render.build_seconds = prepared.build_seconds();
         document.render.threads = rendered.threads as u32;
         document.render.kernel.clone_from(&rendered.kernel);
+        document.render.stopped = Some(match rendered.stop {
+            Stop::Done => Stopped::Samples,
+            Stop::TimeLimit => Stopped::TimeLimit,
+            Stop::Enough => Stopped::TargetError,
+            Stop::Cancelled => Stopped::Interrupted,
+        });
         document.tree = Tree {
             builder: format!("obvhs ploc {}", self.open.prepare_options().tree.quality.name()),
             width: hotspot_bvh::WIDTH,

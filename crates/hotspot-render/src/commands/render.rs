@@ -57,18 +57,32 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
 
     let cancel = interrupt::flag();
     let progress = |p| talker.progress(p);
-    let enough = |frame: &Frame| {
-        let Some((error, kind)) = stats::estimated_relmse(frame) else { return false };
+    let estimate = |frame: &Frame| {
+        let (error, kind) = stats::estimated_relmse(frame)?;
         talker.estimate(error, kind == CiKind::Halves);
-        args.target_error.is_some_and(|target| error <= target)
+        Some(error)
     };
-    let asks = args.target_error.is_some() || (settings.gather.radiance && talker.shows_estimate());
+    let watch = |frame: &Frame| {
+        estimate(frame);
+    };
+    let enough = |frame: &Frame| {
+        let (Some(target), Some(error)) = (args.target_error, estimate(frame)) else { return false };
+        // The error falls with the samples at least as their number.
+        let taken = frame.film_total(0, 0).samples as f64;
+        talker.expect(Some((taken * error / target / f64::from(settings.spp)).min(1.0)));
+        error <= target
+    };
+    if args.target_error.is_some() {
+        talker.expect(None);
+    }
+    let shows = args.target_error.is_none() && settings.gather.radiance && talker.shows_estimate();
     let rendered = stage.render(
         &settings,
         Control {
             cancel: Some(cancel),
             progress: Some(&progress),
-            enough: if asks { Some(&enough) } else { None },
+            enough: if args.target_error.is_some() { Some(&enough) } else { None },
+            watch: if shows { Some(&watch) } else { None },
         },
     );
     talker.finish();
@@ -345,6 +359,12 @@ fn finish(
     page: &Path,
 ) -> Result<(), Fail> {
     talker.say(&last_line(document, page));
+    if let (Some(target), None) = (args.target_error, document.estimated_relmse) {
+        talker.say(&format!(
+            "--target-error {target:e} not reached: after {} the error cannot be told; it takes two samples per pixel at least",
+            if rendered.samples == 1 { "one sample per pixel" } else { "so few samples" }
+        ));
+    }
     if let (Some(target), Some(error)) = (args.target_error, document.estimated_relmse) {
         let kind = if document.estimated_relmse_kind == CiKind::Halves {
             "estimated"
