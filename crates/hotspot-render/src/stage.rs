@@ -8,7 +8,10 @@ use crate::open::{SceneArgs, default_size};
 use crate::progress::Talker;
 use hotspot_cost::document::{Note, Tree};
 use hotspot_cost::{Document, Frame, LayerOptions};
-use hotspot_integrator::{Control, FirstHit, RenderScene, Rendered, Settings, first_hits, render};
+use hotspot_integrator::{
+    BakeView, Baked, Control, FirstHit, RenderScene, Rendered, Settings, SurfaceMesh, bake, first_hits, render,
+    surface_view, viewpoints,
+};
 use hotspot_scene::{Camera, Environment, Repair, Scene};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -167,6 +170,33 @@ impl<'a> Stage<'a> {
     ) -> Option<Vec<FirstHit>> {
         let (scene, camera) = (&self.prepared, &self.camera);
         self.pool.install(|| first_hits(scene, camera, settings, frame, most, Some(cancel)))
+    }
+
+    /// Cost where rays land, on a mesh of the stage's scene.
+    pub(crate) fn bake(
+        &self,
+        mesh: &SurfaceMesh,
+        view: BakeView<'_>,
+        settings: &Settings,
+        control: Control<'_>,
+    ) -> Baked {
+        self.pool.install(|| bake(&self.prepared, mesh, view, settings, control))
+    }
+
+    /// Points to look at the scene from.
+    pub(crate) fn viewpoints(&self, count: u32) -> Vec<[f32; 3]> {
+        viewpoints(&self.prepared, count)
+    }
+
+    /// Values at a mesh's vertices, as the camera sees them.
+    pub(crate) fn surface_view(&self, mesh: &SurfaceMesh, values: &[f32]) -> Vec<f32> {
+        let size = (self.width, self.height);
+        self.pool.install(|| surface_view(&self.prepared, mesh, values, &self.camera, size))
+    }
+
+    /// Worker threads.
+    pub(crate) fn threads(&self) -> usize {
+        self.pool.current_num_threads()
     }
 
     /// The document of a render on this stage. Settings and hotspots are the caller's to add.
