@@ -111,7 +111,8 @@ pub fn add(
         let channel = |suffix: &str| format!("{layer}{:02}.{suffix}", place / 2);
         let hash = |ranks: &Ranks| ids.get(&ranks[rank].id).copied().map_or(0.0, f32::from_bits);
         layers.insert(channel(id), pixels.iter().map(hash).collect());
-        let share = |ranks: &Ranks| if ids.contains_key(&ranks[rank].id) { ranks[rank].coverage } else { 0.0 };
+        let share =
+            |ranks: &Ranks| if ids.contains_key(&ranks[rank].id) { ranks[rank].coverage } else { 0.0 };
         layers.insert(channel(coverage), pixels.iter().map(share).collect());
     }
     let key = format!("{:08x}", id_bits(layer));
@@ -171,8 +172,7 @@ pub fn largest(
     })?;
     let manifest: Map<String, Value> =
         serde_json::from_str(attributes.get(&format!("cryptomatte/{key}/manifest"))?).ok()?;
-    let plane =
-        |suffixes: [&str; 3]| suffixes.iter().find_map(|s| layers.plane(&format!("{name}00.{s}")));
+    let plane = |suffixes: [&str; 3]| suffixes.iter().find_map(|s| layers.plane(&format!("{name}00.{s}")));
     let (ids, shares) = (plane(["r", "R", "red"])?, plane(["g", "G", "green"])?);
     let mut names = Vec::with_capacity(manifest.len());
     let mut index_of = HashMap::new();
@@ -239,12 +239,8 @@ mod tests {
         let mut layers = Layers::new(2, 2);
         let mut attributes = BTreeMap::new();
         let names = ["Wall", "unseen", "Lamp \"{}\" ä", "Wall", "Wall #2"].map(String::from);
-        let pixels = [
-            pixel(&[(0, 0.75), (2, 0.25)]),
-            pixel(&[(3, 1.0)]),
-            pixel(&[]),
-            pixel(&[(4, 0.5), (77, 0.25)]),
-        ];
+        let pixels =
+            [pixel(&[(0, 0.75), (2, 0.25)]), pixel(&[(3, 1.0)]), pixel(&[]), pixel(&[(4, 0.5), (77, 0.25)])];
         add(&mut layers, &mut attributes, "CryptoObject", &pixels, &names);
         let channels: Vec<&str> = layers.planes.keys().map(String::as_str).collect();
         let expected: Vec<String> = ["00", "01", "02"]
@@ -265,7 +261,10 @@ mod tests {
         }
         let plane = |name: &str| layers.plane(name).unwrap();
         assert_eq!(plane("CryptoObject00.r")[..2], [id_of("Wall"), id_of("Wall #2")]);
-        assert_eq!((plane("CryptoObject00.b")[0], plane("CryptoObject00.a")[0]), (id_of("Lamp \"{}\" ä"), 0.25));
+        assert_eq!(
+            (plane("CryptoObject00.b")[0], plane("CryptoObject00.a")[0]),
+            (id_of("Lamp \"{}\" ä"), 0.25)
+        );
         // Without a name in the list there is no matte.
         assert_eq!((plane("CryptoObject00.b")[3], plane("CryptoObject00.a")[3]), (0.0, 0.0));
 

@@ -35,6 +35,7 @@ pub mod compare;
 pub mod convergence;
 mod counter;
 pub mod cryptomatte;
+mod depth_cut;
 mod digest;
 pub mod document;
 mod error;
@@ -69,6 +70,7 @@ pub mod report;
 
 pub use compare::{Comparison, Side, compare, compare_over_trees};
 pub use counter::{Cause, Counter};
+pub use depth_cut::{DepthCut, DepthLoss};
 pub use digest::Digest;
 pub use document::Document;
 pub use error::{Error, Result};

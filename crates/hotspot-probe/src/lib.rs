@@ -115,6 +115,12 @@ pub trait Probe {
     /// and third corner have these weights.
     #[inline(always)]
     fn landed(&mut self, _instance: u32, _primitive: u32, _weights: [f32; 2]) {}
+    /// The path found light, `luminance` per camera sample after all weights, that the depth limit would have let scatter
+    /// `left` times more.
+    #[inline(always)]
+    fn light(&mut self, left: u32, luminance: f32) {
+        let _ = (left, luminance);
+    }
 }
 
 /// Listens to nothing and costs nothing.

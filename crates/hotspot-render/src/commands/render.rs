@@ -13,7 +13,7 @@ use crate::trees;
 use hotspot_cost::document::Note;
 use hotspot_cost::exr_io::Header;
 use hotspot_cost::{
-    CiKind, CostModel, Document, Frame, LayerOptions, Layers, Ledgers, Metric, hotspots, stats,
+    CiKind, CostModel, DepthLoss, Document, Frame, LayerOptions, Layers, Ledgers, Metric, hotspots, stats,
 };
 use hotspot_integrator::{Control, Gather, RenderScene, Rendered, Settings, Stop};
 use hotspot_scene::{Camera, Projection};
@@ -100,6 +100,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     document.settings = described_settings(args, model, &stage, &settings);
     document.cost_unit = profile.as_ref().map(|_| CALIBRATED_UNIT.to_owned());
     document.tree_noise = tree_noise;
+    if settings.gather.cost {
+        document.depth_limit = DepthLoss::of(&rendered.frame, settings.max_depth);
+    }
     note_non_finite(&talker, &rendered, &mut document);
     if settings.gather.cost {
         document.hotspots = find_hotspots(model, &settings, &rendered, &layers, &objects, prepared);
@@ -292,9 +295,33 @@ fn summarise(talker: &Talker, document: &Document, rendered: &Rendered) {
         rendered.threads,
         document.memory.peak >> 20
     ));
+    if let Some(line) = document.depth_limit.as_ref().and_then(depth_line) {
+        talker.say(&line);
+    }
     if let Some(view) = document.views.iter().find(|v| v.exposure_ev.is_some()) {
         talker.say(&format!("exposure {:+.2} EV", view.exposure_ev.unwrap_or(0.0)));
     }
+}
+
+/// Shares of missing light below this are not worth a line.
+const LITTLE_LIGHT: f64 = 1e-3;
+
+/// What the depth limit took away, where that matters. A limit below 2 was asked for to see just that.
+fn depth_line(cut: &DepthLoss) -> Option<String> {
+    let DepthLoss { max_depth, paths, .. } = cut;
+    let missing = match cut.lost_share {
+        Some(share) if share >= LITTLE_LIGHT => {
+            format!("an estimated {:.2} % of the picture's light is missing", 100.0 * share)
+        }
+        None if *max_depth >= 2 && *paths >= LITTLE_LIGHT => {
+            "how much light is missing cannot be told, for it does not yet decay".to_owned()
+        }
+        _ => return None,
+    };
+    Some(format!(
+        "depth limit {max_depth}: {:.1} % of the paths were cut; {missing}; raise --max-depth to see it",
+        100.0 * paths
+    ))
 }
 
 /// Where the cost is, and where to look.
