@@ -57,6 +57,7 @@ mod recorder;
 mod repeats;
 pub mod stats;
 mod student;
+pub mod surface;
 #[cfg(test)]
 mod testing;
 pub mod tree_noise;

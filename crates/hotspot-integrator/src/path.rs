@@ -107,6 +107,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
             scene.geometry.world_surface(hit.primitive)
         };
         let part = surface.part;
+        probe.landed(hit.instance, hit.primitive, [hit.u, hit.v]);
         if bounces == 0 {
             first_object = part.object;
         }

@@ -56,6 +56,8 @@ pub(crate) enum Command {
     Calibrate(Box<CalibrateArgs>),
     /// Say what a render will count and how long it will take
     Predict(Box<PredictArgs>),
+    /// Put the cost where rays land onto the surfaces, as glTF for any viewer
+    Bake(Box<crate::commands::bake::BakeArgs>),
     /// Measure what a change of the scene would do to its cost
     Whatif(Box<crate::commands::whatif::WhatIfArgs>),
 }
@@ -382,7 +384,7 @@ pub(crate) fn parse_roulette(text: &str) -> Result<Roulette, String> {
     text.parse().map(|n| Roulette(Some(n))).map_err(|_| "write a vertex index such as 4, or off".into())
 }
 
-fn parse_weight(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_weight(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() && x >= 0.0 => Ok(x),
         _ => Err("write a number that is not negative".into()),

@@ -42,6 +42,7 @@ fn main() -> ExitCode {
         Command::Error(options) => commands::error::run(&options),
         Command::Calibrate(options) => commands::calibrate::run(&options),
         Command::Predict(options) => commands::predict::run(&options),
+        Command::Bake(options) => commands::bake::run(&options),
         Command::Whatif(options) => commands::whatif::run(&options),
     };
     match result {

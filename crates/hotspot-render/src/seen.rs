@@ -50,6 +50,13 @@ pub(crate) fn look(
     Names { ids: hits.iter().map(|hit| hit.materials[0].id).collect(), names }
 }
 
+/// Objects and materials under each pixel's first sample: for the pages of comparisons.
+pub(crate) fn names(stage: &Stage<'_>, settings: &Settings, frame: &Frame, talker: &Talker) -> [Names; 2] {
+    let materials = look(stage, settings, frame, None, (talker, &AtomicBool::new(false)));
+    let ids = hotspot_cost::hotspots::first_objects(frame);
+    [Names { ids, names: stage.prepared.objects().to_vec() }, materials]
+}
+
 fn add(
     layers: &mut Layers,
     attributes: &mut BTreeMap<String, String>,

@@ -8,7 +8,10 @@ use crate::open::{SceneArgs, default_size};
 use crate::progress::Talker;
 use hotspot_cost::document::{Note, Stopped, Tree};
 use hotspot_cost::{Document, Frame, LayerOptions};
-use hotspot_integrator::{Control, FirstHit, RenderScene, Rendered, Settings, Stop, first_hits, render};
+use hotspot_integrator::{
+    BakeView, Baked, Control, FirstHit, RenderScene, Rendered, Settings, Stop, SurfaceMesh, bake, first_hits,
+    render, surface_view, viewpoints,
+};
 use hotspot_scene::{Camera, Environment, Repair, Scene};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -103,12 +106,7 @@ impl<'a> Stage<'a> {
     }
 
     /// The same where `beside` bytes per pixel are wanted beside the frames.
-    pub(crate) fn check_memory_beside(
-        &self,
-        intervals: bool,
-        frames: u64,
-        beside: u64,
-    ) -> Result<(), Fail> {
+    pub(crate) fn check_memory_beside(&self, intervals: bool, frames: u64, beside: u64) -> Result<(), Fail> {
         let (width, height, limit) = (self.width, self.height, self.open.max_memory);
         // Sums in f64 and u64, then planes in f32, then the EXR writer's copy: about 800 bytes per pixel and half.
         let per_pixel = (800 * (1 + u64::from(intervals))).saturating_mul(frames).saturating_add(beside);
@@ -167,6 +165,33 @@ impl<'a> Stage<'a> {
     ) -> Option<Vec<FirstHit>> {
         let (scene, camera) = (&self.prepared, &self.camera);
         self.pool.install(|| first_hits(scene, camera, settings, frame, most, Some(cancel)))
+    }
+
+    /// Cost where rays land, on a mesh of the stage's scene.
+    pub(crate) fn bake(
+        &self,
+        mesh: &SurfaceMesh,
+        view: BakeView<'_>,
+        settings: &Settings,
+        control: Control<'_>,
+    ) -> Baked {
+        self.pool.install(|| bake(&self.prepared, mesh, view, settings, control))
+    }
+
+    /// Points to look at the scene from.
+    pub(crate) fn viewpoints(&self, count: u32) -> Vec<[f32; 3]> {
+        viewpoints(&self.prepared, count)
+    }
+
+    /// Values at a mesh's vertices, as the camera sees them.
+    pub(crate) fn surface_view(&self, mesh: &SurfaceMesh, values: &[f32]) -> Vec<f32> {
+        let size = (self.width, self.height);
+        self.pool.install(|| surface_view(&self.prepared, mesh, values, &self.camera, size))
+    }
+
+    /// Worker threads.
+    pub(crate) fn threads(&self) -> usize {
+        self.pool.current_num_threads()
     }
 
     /// The document of a render on this stage. Settings and hotspots are the caller's to add.

@@ -81,6 +81,11 @@ impl Placed {
         }
     }
 
+    /// Whether it turns triangles over.
+    pub(crate) fn is_mirrored(&self) -> bool {
+        self.handedness < 0.0
+    }
+
     #[inline(always)]
     fn normal(&self, n: Vec3) -> Vec3 {
         Vec3::new(self.normals[0].dot(n), self.normals[1].dot(n), self.normals[2].dot(n))

@@ -28,7 +28,10 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Fail> {
     let results: Vec<_> = gates.iter().map(|gate| comparison.gate(gate)).collect();
     comparison.gates.clone_from(&results);
 
-    let writer = Writer::new(&args.output, &args.views)?;
+    let mut writer = Writer::new(&args.output, &args.views)?;
+    // Of A, else of B: where an object moved they differ.
+    let seen = [&a, &b].map(|file| crate::seen::of_file(file, &[], &[]));
+    writer.shows(seen.into_iter().find(|names| !names[0].ids.is_empty()).unwrap_or_default());
     let page = writer.comparison(&side_a, &side_b, &comparison)?;
     if !args.quiet {
         for file in &page.files {

@@ -125,7 +125,7 @@ pub(crate) fn run(args: &WhatIfArgs) -> Result<(), Fail> {
             .warnings
             .push("no light is left: the edited picture is black, and its paths bring nothing".into());
     }
-    let writer = Writer::new(&args.output, &args.views)?;
+    let mut writer = Writer::new(&args.output, &args.views)?;
     let film = args.film();
     let mut stage = Stage::new(&scene, &args.open, &film)?;
     if args.size.is_none() {
@@ -185,6 +185,7 @@ pub(crate) fn run(args: &WhatIfArgs) -> Result<(), Fail> {
     }
     let stem = format!("{}.whatif", stage.name);
     let pair = Pair { stem: &stem, verdict: whatif.verdict(), json: whatif.to_json() };
+    writer.shows(crate::seen::names(&stage, &settings, &a.frame, &talker));
     let page = writer.pair(&side_a, &side_b, &whatif.comparison, pair)?;
     for file in &page.files {
         talker.say(&format!("wrote {file}"));

@@ -132,7 +132,7 @@ impl Writer<'_> {
             material_names,
             object_triangles,
         };
-        let text = self.page(&parts, picture, json);
+        let text = self.page(&parts, picture);
         write_atomic(&page, text.as_bytes())?;
         files.push(format!("{}: the report", page.display()));
         Ok(Written { files, page })
@@ -149,7 +149,7 @@ impl Writer<'_> {
         }
     }
 
-    fn page(&self, parts: &PageParts<'_>, picture: Option<Beauty>, json: String) -> String {
+    fn page(&self, parts: &PageParts<'_>, picture: Option<Beauty>) -> String {
         let PageParts { title, layers, document, object_triangles, .. } = *parts;
         let beauty = picture.map_or_else(
             || image::RgbImage::from_pixel(layers.width, layers.height, image::Rgb([40, 40, 44])),
@@ -193,9 +193,14 @@ impl Writer<'_> {
             totals: totals(document),
             unmodelled: document.unmodelled.iter().map(note).collect(),
             repairs: document.repairs.iter().map(note).collect(),
-            raw_json: json,
+            raw_json: without_ledgers(document),
         })
     }
+}
+
+/// The JSON for the page, which has the ledgers as tables: their rows alone are as large as several layers.
+fn without_ledgers(document: &Document) -> String {
+    Document { ledgers: None, ..document.clone() }.to_json()
 }
 
 /// A plane of names for the read-out; `None` without one.
