@@ -19,7 +19,7 @@ use hotspot_cost::maps::write_atomic;
 use hotspot_cost::prediction::{
     Budget, Interval, PREDICT_SCHEMA, Pilot, Pilots, Prediction, Seconds, seconds,
 };
-use hotspot_cost::{CostModel, Frame, LayerOptions, Layers, Metric, MetricSet, hotspots};
+use hotspot_cost::{CostModel, Frame, LayerOptions, Layers, Ledgers, Metric, MetricSet, hotspots};
 use hotspot_integrator::{Control, Gather, Rendered, Settings, Stop};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -85,6 +85,7 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Fail> {
     let mut full = stage.settings();
     full.spp = spp;
     full.gather = if args.plain { Gather::RADIANCE } else { Gather::ALL };
+    full.ledgers = !args.plain;
     let control = Control { cancel: Some(interrupt::flag()), progress: None, ..Control::default() };
     let begin = Instant::now();
     let plan = Plan::new(&stage, &full, args.pilot, control)?;
@@ -98,7 +99,7 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Fail> {
         return Err(Fail::new(FAILED, "the pilots took no time; raise --pilot"));
     };
     let render = per_path.scaled(paths as f64 / threads as f64);
-    let output = output_seconds(args, &stage, &run.last, model)? * pixels as f64 / plan.pixels().max(1.0);
+    let output = output_seconds(args, &stage, &run.last, model, pixels as f64 / plan.pixels().max(1.0))?;
     let mut prediction = Prediction {
         schema: PREDICT_SCHEMA.into(),
         generator: format!("hotspot-render {}", env!("CARGO_PKG_VERSION")),
@@ -266,12 +267,28 @@ fn drift(profile: Option<&Profile>) -> f64 {
     if count > 0.0 { (sum / count).sqrt() } else { 0.0 }
 }
 
-/// Seconds to make and write the outputs of a pilot.
+/// Seconds to make and write the outputs of a render that has `scale` times the pixels of a pilot. Ledgers do not grow with
+/// the pixels: what writing them adds is taken once.
 fn output_seconds(
     args: &PredictArgs,
     stage: &Stage<'_>,
     rendered: &Rendered,
     model: CostModel,
+    scale: f64,
+) -> Result<f64, Fail> {
+    let without = write_outputs(args, stage, rendered, model, None)?;
+    let Some(ledgers) = &rendered.ledgers else { return Ok(without * scale) };
+    let with = write_outputs(args, stage, rendered, model, Some(ledgers))?;
+    Ok(without * scale + (with - without).max(0.0))
+}
+
+/// Seconds to make and write the outputs of a pilot.
+fn write_outputs(
+    args: &PredictArgs,
+    stage: &Stage<'_>,
+    rendered: &Rendered,
+    model: CostModel,
+    ledgers: Option<&Ledgers>,
 ) -> Result<f64, Fail> {
     let folder = tempfile::tempdir()
         .map_err(|e| Fail::new(FAILED, format!("cannot make a temporary folder: {e}; set TMPDIR")))?;
@@ -292,6 +309,7 @@ fn output_seconds(
             12,
         );
     }
+    document.ledgers = ledgers.cloned().map(Ledgers::shortened);
     writer.render(Output {
         stem: &stage.name,
         layers: &layers,
@@ -300,7 +318,7 @@ fn output_seconds(
         objects: &objects,
         object_names: stage.prepared.objects(),
         object_triangles: &stage.prepared.object_triangles(),
-        ledgers: None,
+        ledgers,
         write_exr: true,
     })?;
     Ok(start.elapsed().as_secs_f64())
