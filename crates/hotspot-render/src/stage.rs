@@ -7,8 +7,9 @@ use crate::memory;
 use crate::open::{SceneArgs, default_size};
 use crate::progress::Talker;
 use hotspot_cost::document::{Note, Tree};
+use hotspot_cost::hotspots::Sounding;
 use hotspot_cost::{Document, LayerOptions};
-use hotspot_integrator::{Control, RenderScene, Rendered, Settings, render};
+use hotspot_integrator::{Control, RenderScene, Rendered, Settings, render, sound};
 use hotspot_scene::{Camera, Environment, Repair, Scene};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -94,6 +95,11 @@ impl<'a> Stage<'a> {
         control: Control<'_>,
     ) -> Rendered {
         self.pool.install(|| render(prepared, &self.camera, settings, control))
+    }
+
+    /// Books a few more paths through regions of the picture, on the stage's own threads.
+    pub(crate) fn sound(&self, settings: &Settings, regions: &[Vec<u32>]) -> Vec<Vec<Sounding>> {
+        self.pool.install(|| sound(&self.prepared, &self.camera, settings, regions))
     }
 
     /// Refuses frames that would not fit, before anything is allocated. `frames`: how many are held at once.
