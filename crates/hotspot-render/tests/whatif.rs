@@ -97,7 +97,10 @@ fn suggestions_are_ranked_and_come_onto_the_page() {
     let best = suggestions[0]["option"].as_str().unwrap();
     let wanted = |h: &serde_json::Value| h["whatif"].as_array().unwrap().iter().any(|option| option == best);
     assert!(json["hotspots"].as_array().unwrap().iter().any(wanted), "{best}: {}", json["hotspots"]);
-    assert!(page.contains("<ul class=\"tries\">") && page.contains("<b>intersection cost \u{2212}"), "{best}");
+    assert!(
+        page.contains("<ul class=\"tries\">") && page.contains("<b>intersection cost \u{2212}"),
+        "{best}"
+    );
     assert!(json["render"]["causes_seconds"].as_f64().unwrap() > 0.0);
 }
 
@@ -112,7 +115,8 @@ fn a_written_scene_renders_as_the_edit_did() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join(format!("edited.{ending}"));
         let file = file.to_string_lossy().into_owned();
-        let mut words = vec!["--size", "32x18", "--repeats", "0", "--tree-noise", "0", "--write-scene", &file];
+        let mut words =
+            vec!["--size", "32x18", "--repeats", "0", "--tree-noise", "0", "--write-scene", &file];
         words.extend(edit);
         let (code, said, json) = run(name, &words);
         assert_eq!(code, Some(0), "{said}");
@@ -126,7 +130,10 @@ fn a_written_scene_renders_as_the_edit_did() {
         let rendered: serde_json::Value = serde_json::from_str(&text).unwrap();
         for metric in ["rays", "nodes", "shapes", "bsdf", "rays_shadow"] {
             let (there, here) = (&json["totals"][metric]["sum_b"], &rendered["totals"][metric]["sum"]);
-            assert!(here.as_u64().is_some_and(|sum| sum > 0) && there == here, "{edit:?} {metric}: {there} {here}");
+            assert!(
+                here.as_u64().is_some_and(|sum| sum > 0) && there == here,
+                "{edit:?} {metric}: {there} {here}"
+            );
         }
         assert_ne!(json["totals"]["nodes"]["delta"], 0.0, "{edit:?}");
     }

@@ -13,7 +13,8 @@ use serde::{Deserialize, Serialize};
 pub enum CauseKind {
     /// Paths bounce many times between two objects, or within one. Measure: moves between them per path.
     Trapped,
-    /// Shadow rays cost much and most are blocked. Measure: share of shadow rays that are blocked.
+    /// Shadow rays cost much and most are blocked. Measure: blocked share of those towards the
+    /// light that most of them aim at.
     BlockedShadowRays,
     /// Rays pass through many surfaces with holes. Measure: alpha tests per ray.
     AlphaTests,
@@ -119,7 +120,7 @@ const MOST: usize = 3;
 
 /// Finds the causes of a hotspot from soundings of its pixels (independent parts of like size) and of
 /// [`ordinary_pixels`](super::ordinary_pixels), and writes `cause`, `causes`, `fix` and `whatif`. Names come from the soundings'
-/// ledgers. Where nothing stands out the words by ratios stay. Soundings of different scenes make no sense together; without any
+/// ledgers. Soundings of different scenes make no sense together; without any
 /// path the hotspot is left as it is.
 pub fn explain(hotspot: &mut Hotspot, here: &[Sounding], ordinary: &[Sounding], context: &Context<'_>) {
     let Some(first) = here.first() else { return };
@@ -165,10 +166,17 @@ pub fn explain(hotspot: &mut Hotspot, here: &[Sounding], ordinary: &[Sounding], 
             hotspot.whatif.push(option);
         }
     }
-    hotspot.fix = hotspot.causes.iter().map(|f| f.fix.as_str()).collect::<Vec<_>>().join(" ");
-    if !hotspot.causes.is_empty() {
-        hotspot.cause = hotspot.causes.iter().map(|f| f.words.as_str()).collect::<Vec<_>>().join("; ");
-    }
+    let joined =
+        |of: fn(&Finding) -> &str, by: &str| hotspot.causes.iter().map(of).collect::<Vec<_>>().join(by);
+    hotspot.fix = joined(|finding| &finding.fix, " ");
+    hotspot.cause = if hotspot.causes.is_empty() {
+        sentences::nothing(
+            all.cost / elsewhere.cost,
+            [&all, &elsewhere].map(|flow| (flow.blocked + flow.futile) / flow.cost),
+        )
+    } else {
+        joined(|finding| &finding.words, "; ")
+    };
 }
 
 /// Objects that fill at most this share of the picture are worth taking away to see what they cost.

@@ -29,12 +29,14 @@ const MORE_BLOCKED: f64 = 0.15;
 /// Alpha tests per ray.
 const ALPHA_TESTS: f64 = 0.3;
 /// Texture look-ups per vertex.
-const TEXTURES: f64 = 2.0;
+const TEXTURES: f64 = 1.0;
 /// Twice as many as at ordinary pixels, of what need not cost intersections.
 const TWICE: f64 = 2.0;
-/// Of what a ray costs more, nodes above several objects …
-const SHARED_NODES: f64 = 0.35;
-/// … while each of two objects has this part of the triangles tested more,
+/// Of the nodes that a ray visits more, those above several objects …
+const SHARED_NODES: f64 = 0.5;
+/// … where nodes are this part of what it costs more,
+const NODES: f64 = 0.25;
+/// while each of two objects has this part of the triangles tested more
 const BOTH_TESTED: f64 = 0.15;
 /// and their boxes share this part of the smaller one.
 const OVERLAP: f64 = 0.2;
@@ -42,6 +44,8 @@ const OVERLAP: f64 = 0.2;
 const ONES_TRIANGLES: f64 = 0.4;
 /// Cost per node against ordinary pixels: more triangles tested for each node.
 const CROWDED_LEAVES: f64 = 1.3;
+/// More triangles per ray than at ordinary pixels: fewer are no burden, whatever their ratio.
+const BURDEN: f64 = 8.0;
 /// An object is named for geometry that has this part of what a ray costs more.
 const NAMED: f64 = 0.3;
 
@@ -196,18 +200,25 @@ fn futile(here: &Flow, ordinary: &Flow, excess: f64) -> Option<Draft> {
     })
 }
 
+/// Shadow rays that do not arrive, by the light that most of them aim at.
 fn blocked(here: &Flow, ordinary: &Flow, excess: f64) -> Option<Draft> {
+    let aimed = |flow: &Flow, light| flow.aimed.get(&light).copied().unwrap_or_default();
+    let more = here
+        .aimed
+        .keys()
+        .map(|light| (*light, aimed(here, *light).blocked - aimed(ordinary, *light).blocked));
+    let light = largest(more, f64::MIN_POSITIVE, 1).first().copied()?;
     let share = (here.blocked - ordinary.blocked) / excess;
-    let (of_here, of_ordinary) = (here.blocked_share(), ordinary.blocked_share());
+    let [of_here, of_ordinary] = [here, ordinary].map(|flow| {
+        let aimed = aimed(flow, light);
+        if aimed.rays > 0.0 { aimed.blocked / aimed.rays } else { 0.0 }
+    });
     if share < FAIR || of_here < BLOCKED || of_here < of_ordinary + MORE_BLOCKED {
         return None;
     }
-    let blocked = |flow: &Flow, light| flow.aimed.get(&light).map_or(0.0, |aimed| aimed.blocked);
-    let more = here.aimed.keys().map(|light| (*light, blocked(here, *light) - blocked(ordinary, *light)));
-    let lights = largest(more, f64::MIN_POSITIVE, 1);
     Some(Draft {
         kind: CauseKind::BlockedShadowRays,
-        objects: lights.into_iter().flatten().collect(),
+        objects: light.into_iter().collect(),
         materials: Vec::new(),
         share: Some(share.min(1.0)),
         here: of_here,
@@ -253,6 +264,7 @@ fn geometry(here: &Flow, ordinary: &Flow, context: &Context<'_>, share: f64) -> 
     let heaviest = largest(payers().map(|p| (p, shapes(Some(p)))), f64::MIN_POSITIVE, 1);
     if let [heaviest] = heaviest[..]
         && cost_per_node >= CROWDED_LEAVES
+        && shapes(Some(heaviest)) >= BURDEN
         && model.c1 * shapes(Some(heaviest)) >= ONES_TRIANGLES * excess
     {
         return Some(draft(CauseKind::HeavyLeaves, vec![heaviest], &|f| f.shapes));
@@ -260,7 +272,8 @@ fn geometry(here: &Flow, ordinary: &Flow, context: &Context<'_>, share: f64) -> 
 
     let all_shapes: f64 = payers().map(|p| shapes(Some(p)).max(0.0)).sum();
     let tested = largest(payers().map(|p| (p, shapes(Some(p)))), BOTH_TESTED * all_shapes, 6);
-    if model.c0 * nodes(None) >= SHARED_NODES * excess {
+    let all_nodes = more(&|f| f.nodes);
+    if nodes(None) >= SHARED_NODES * all_nodes && model.c0 * all_nodes >= NODES * excess {
         for (i, &a) in tested.iter().enumerate() {
             for &b in &tested[i + 1..] {
                 if context.overlap(a, b).is_none_or(|overlap| overlap >= OVERLAP) {

@@ -21,9 +21,9 @@ pub(super) fn cause(finding: &Finding) -> String {
             )
         }
         CauseKind::BlockedShadowRays => {
-            let towards = if names.is_empty() { "the lights".to_owned() } else { who };
+            let towards = if names.is_empty() { "lights without a surface".to_owned() } else { who };
             format!(
-                "{} of the shadow rays are blocked, {} at ordinary pixels, most of them on the way to {towards}",
+                "{} of the shadow rays towards {towards} are blocked, {} at ordinary pixels",
                 percent(*here),
                 percent(*ordinary)
             )
@@ -72,6 +72,19 @@ pub(super) fn cause(finding: &Finding) -> String {
             if names.is_empty() { String::new() } else { format!(", most of the additional ones on {who}") }
         ),
     }
+}
+
+/// What to say where no cause stands out. `waste`: share of the cost that brings no light, here and at ordinary pixels.
+pub(super) fn nothing(cost: f64, [here, ordinary]: [f64; 2]) -> String {
+    let mut words = format!("costs {cost:.2} times an ordinary pixel; no cause stands out");
+    if here >= words::WASTED {
+        words += &format!(
+            ", but {} of the cost brings no light ({} at ordinary pixels)",
+            percent(here),
+            percent(ordinary)
+        );
+    }
+    words
 }
 
 /// What to try, as sentences.

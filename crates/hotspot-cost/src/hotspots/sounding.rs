@@ -155,10 +155,4 @@ impl Flow {
     pub(super) fn paid(&self, payer: Option<u32>) -> Paid {
         self.paid.get(&payer).copied().unwrap_or_default()
     }
-
-    /// Share of shadow rays that are blocked.
-    pub(super) fn blocked_share(&self) -> f64 {
-        let blocked: f64 = self.aimed.values().map(|a| a.blocked).sum();
-        if self.shadow_rays > 0.0 { blocked / self.shadow_rays } else { 0.0 }
-    }
 }

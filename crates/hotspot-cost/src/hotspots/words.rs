@@ -7,7 +7,7 @@ use crate::names::in_sentence;
 const NOTABLE: f64 = 1.4;
 
 /// From this share on, cost in vain is worth a word.
-const WASTED: f64 = 0.5;
+pub(super) const WASTED: f64 = 0.5;
 
 /// Longest name within a sentence.
 pub(super) const NAME: usize = 60;

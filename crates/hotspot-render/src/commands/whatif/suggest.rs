@@ -10,13 +10,15 @@ use crate::progress::Talker;
 use hotspot_cost::hotspots::{self, Try};
 use hotspot_cost::whatif::Suggestion;
 use hotspot_cost::{Metric, compare};
-use hotspot_scene::edit::Edit;
+use hotspot_scene::edit::{Edit, apply};
 use std::time::Instant;
 
 /// Hotspots looked at.
 const HOTSPOTS: usize = 12;
 /// Most changes tried.
 const MOST: usize = 10;
+/// What a change that no cause asks for is worth beside one that a cause does.
+const UNGUIDED: f64 = 0.1;
 /// Pairs of timed renders for each.
 const REPEATS: u32 = 3;
 
@@ -103,7 +105,28 @@ fn candidates(run: &Run<'_>, a: &Version) -> Vec<Candidate> {
             }
         }
     }
+    let mut add = |worth: f64, tried: Try, reason: String| {
+        if candidates.iter().all(|(_, known)| known.tried != tried) {
+            candidates.push((worth, Candidate { tried, reason }));
+        }
+    };
+    // Where causes say little: the surfaces that hotspots lie on, and shorter paths.
+    for hotspot in &found {
+        let of_object = run.scene.instances.iter().filter(|i| Some(i.object) == hotspot.object);
+        let mut materials: Vec<u32> = of_object.map(|i| i.material).collect();
+        materials.sort_unstable();
+        materials.dedup();
+        for material in materials.iter().filter_map(|m| run.scene.materials.get(*m as usize)) {
+            let reason = format!("hotspot {} lies on it", hotspot.rank);
+            add(UNGUIDED * hotspot.excess_share, Try::Matte { material: material.name.clone() }, reason);
+        }
+    }
+    if run.args.base_max_depth >= 4 {
+        add(0.0, Try::MaxDepth(run.args.base_max_depth / 2), "long paths may bring little".into());
+    }
     candidates.sort_by(|x, y| y.0.total_cmp(&x.0));
+    // What changes nothing is no candidate.
+    candidates.retain(|(_, candidate)| apply(run.scene, &edits::tried(&candidate.tried).0).is_ok());
     candidates.into_iter().map(|(_, candidate)| candidate).take(MOST).collect()
 }
 
