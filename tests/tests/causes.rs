@@ -133,11 +133,12 @@ fn assert_never(found: &[Hotspot], kind: CauseKind) {
 }
 
 /// Two upright panels that face each other, seen into.
-fn facing(left: Material, right: Material) -> World {
-    floor().named("Left", rectangle([-0.5, 1.5, 0.0], [0.0, 0.0, -1.5], [0.0, 1.5, 0.0]), left).named(
+fn facing(width: f64) -> World {
+    let x = 0.5 * width;
+    floor().named("Left", rectangle([-x, 1.5, 0.0], [0.0, 0.0, -5.0], [0.0, 1.5, 0.0]), matte(WHITE)).named(
         "Right",
-        rectangle([0.5, 1.5, 0.0], [0.0, 0.0, 1.5], [0.0, 1.5, 0.0]),
-        right,
+        rectangle([x, 1.5, 0.0], [0.0, 0.0, 5.0], [0.0, 1.5, 0.0]),
+        mirror(WHITE),
     )
 }
 
@@ -195,9 +196,9 @@ fn a_stack_of_coincident_triangles_has_heavy_leaves() {
     assert_never(&found, CauseKind::HeavyLeaves);
 }
 
-/// A lamp behind a finely meshed board, beside one that is free.
+/// A stage under a lamp behind a finely meshed board, beside a lamp that is free.
 fn shaded(board: V3) -> World {
-    let (n, half) = (32, 0.6);
+    let (n, half) = (64, 0.7);
     let tile = |i: usize| {
         let step = |k: usize| half * (2.0 * (k as f64 + 0.5) / n as f64 - 1.0);
         let center = [board[0] + step(i % n), board[1], board[2] + step(i / n)];
@@ -214,9 +215,9 @@ fn shaded(board: V3) -> World {
 fn a_hidden_light_blocks_shadow_rays() {
     let camera = pinhole([0.0, 9.0, 6.0], [0.0; 3], 50.0);
     let found = explained(&shaded([0.0, 7.0, 0.0]), &camera);
-    let floor = on(&found, "Floor");
-    assert_first(floor, CauseKind::BlockedShadowRays, &["Lamp"]);
-    assert!(floor[0].whatif.iter().any(|w| w == "--delete Lamp"), "{:?}", floor[0].whatif);
+    let stage = on(&found, "Stage");
+    assert_first(stage, CauseKind::BlockedShadowRays, &["Lamp"]);
+    assert!(stage[0].whatif.iter().any(|w| w == "--delete Lamp"), "{:?}", stage[0].whatif);
     // On the floor it hides nothing.
     let above = explained(&shaded([0.0, 0.1, 0.0]), &camera);
     assert_never(&above, CauseKind::BlockedShadowRays);
