@@ -18,11 +18,7 @@ fn hotspots(folder: &Path) -> (Vec<Value>, f64, String) {
     let text = std::fs::read_to_string(folder.join("creature.json")).unwrap();
     let json: Value = serde_json::from_str(&text).unwrap();
     let page = std::fs::read_to_string(folder.join("creature.html")).unwrap();
-    (
-        json["hotspots"].as_array().unwrap().clone(),
-        json["render"]["causes_seconds"].as_f64().unwrap(),
-        page,
-    )
+    (json["hotspots"].as_array().unwrap().clone(), json["render"]["causes_seconds"].as_f64().unwrap(), page)
 }
 
 #[test]
@@ -39,7 +35,8 @@ fn causes_come_from_ledgers_and_stay_in_the_file() {
     assert_eq!(first["causes"][0]["names"][0], first["name"], "{first}");
     assert!(first["fix"].as_str().unwrap().starts_with("Simplify \"Creature"), "{first}");
     assert!(page.contains("each ray meets dense geometry"), "the page tells the cause");
-    for factor in ["vertices_per_path", "rays_per_vertex", "nodes_per_ray", "cost_per_node", "shapes_per_ray"] {
+    for factor in ["vertices_per_path", "rays_per_vertex", "nodes_per_ray", "cost_per_node", "shapes_per_ray"]
+    {
         assert!(first["factors"][factor].is_number(), "{factor}: {first}");
     }
 

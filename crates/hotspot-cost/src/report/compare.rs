@@ -92,14 +92,15 @@ fn suggestions(input: &CompareInput<'_>) -> String {
         .suggestions
         .iter()
         .map(|row| {
-            let cells = [&row.what, &row.cost, &row.time, &row.picture, &row.reason, &row.command];
+            let cells = [&row.what, &row.cost, &row.time, &row.picture, &row.command, &row.reason];
             ("", cells.map(String::clone).to_vec())
         })
         .collect();
     let headings =
-        ["change", "intersection cost", "time", "the picture changes by", "why it was tried", "command"];
+        ["change", "intersection cost", "time", "the picture changes by", "command", "why it was tried"];
     format!(
-        "<section class=\"block\"><h2>What was tried</h2>{}</section>",
+        "<section class=\"block\"><h2>What was tried</h2><p>Intervals of sampling and of repeats; rebuilding the tree adds \
+         its luck, which is measured for the comparison above alone.</p>{}</section>",
         parts::table("suggestions", &headings, &rows)
     )
 }

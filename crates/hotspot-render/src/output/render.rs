@@ -243,7 +243,7 @@ fn card(
         pixel_share: hotspot.pixel_share,
         cost_share: hotspot.cost_share,
         cause: hotspot.cause.clone(),
-        fix: if hotspot.fix.is_empty() && hotspot.causes.is_empty() {
+        fix: if hotspot.fix.is_empty() && hotspot.sounded == 0 {
             hotspots::fix(hotspot, triangles)
         } else {
             hotspot.fix.clone()

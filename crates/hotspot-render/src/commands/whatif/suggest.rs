@@ -136,8 +136,10 @@ pub(super) fn print(talker: &Talker, suggestions: &[Suggestion]) {
     for (rank, s) in suggestions.iter().enumerate() {
         talker.say(&format!("{:>2}. {:<wide$}  {}", rank + 1, s.option, s.measured()));
     }
-    let reasons = suggestions.iter().enumerate();
-    for (rank, s) in reasons {
+    if !suggestions.is_empty() {
+        talker.say("    intervals of sampling and of repeats; rebuilding the tree adds its luck, which is measured for the best alone");
+    }
+    for (rank, s) in suggestions.iter().enumerate() {
         talker.say(&format!("    {}: {}; {}", rank + 1, s.what, s.reason));
     }
 }
