@@ -108,6 +108,8 @@ pub struct Render {
     pub load_seconds: f64,
     /// Building the tree.
     pub build_seconds: f64,
+    /// Tracing further paths to find the causes of hotspots, after the render; 0: they go by ratios.
+    pub causes_seconds: f64,
     /// Worker threads.
     pub threads: u32,
     /// The traversal kernel that was counted.

@@ -5,10 +5,20 @@
 //! cost's lower bound exceeds the mean; ranked by excess cost Σ (cost − mean). Smoothing averages the pixels of the same
 //! object in a 9×9 window (about a tile), so that cost does not bleed from one object onto its neighbour.
 
+mod causes;
+mod ordinary;
+mod rules;
+mod sentences;
 mod smooth;
+mod sounding;
+mod tries;
 mod words;
 
+pub use causes::{CauseKind, Context, Finding, MaterialKind, explain};
+pub use ordinary::ordinary_pixels;
 pub use smooth::smoothed_lower_bound;
+pub use sounding::Sounding;
+pub use tries::Try;
 pub use words::{fix, verdict};
 
 use crate::analysis::median;
@@ -17,10 +27,17 @@ use crate::layers::{LayerOptions, Layers, variance_of_mean};
 use crate::metric::{CostModel, Metric};
 use crate::metric_set::MetricSet;
 use hotspot_probe::NONE;
+use ordinary::Means;
 use serde::{Deserialize, Serialize};
 
 /// Smaller components are not reported.
 pub const MIN_PIXELS: usize = 16;
+
+/// Hotspots are listed until they hold this share of the excess …
+const HALF: f64 = 0.5;
+
+/// … or are so many times the number asked for.
+const PATIENCE: usize = 4;
 
 /// Planes to look for hotspots in; all of width × height values, row by row from the top, and empty where unknown (only
 /// `cost` is needed).
@@ -38,6 +55,8 @@ pub struct HotspotInput<'a> {
     pub objects: &'a [u32],
     /// Mean rays per path.
     pub rays: &'a [f32],
+    /// Mean shadow rays per path.
+    pub shadow_rays: &'a [f32],
     /// Mean nodes per path.
     pub nodes: &'a [f32],
     /// Mean triangles tested per path.
@@ -75,37 +94,17 @@ pub struct Hotspot {
     pub factors: Factors,
     /// The cause in plain words.
     pub cause: String,
-    /// The causes by kind, the strongest first; empty where nothing stands out.
-    pub causes: Vec<CauseKind>,
+    /// The causes, the strongest first; empty where nothing stands out or none was looked for.
+    pub causes: Vec<Finding>,
+    /// Paths traced again through its pixels, booked, to find the causes; 0: `cause` and `fix` go by ratios alone.
+    pub sounded: u64,
     /// What to try, in plain words; empty where nothing is known.
     pub fix: String,
     /// Options of `hotspot-render whatif SCENE` that try it; empty where none applies.
     pub whatif: Vec<String>,
 }
 
-/// Why a region costs more than others.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum CauseKind {
-    /// Paths bounce many times between few objects.
-    Trapped,
-    /// Shadow rays cost much and most are blocked.
-    BlockedShadowRays,
-    /// Rays pass through many surfaces with holes.
-    AlphaTests,
-    /// Rays are tested against many triangles that they do not hit, of one object.
-    HeavyLeaves,
-    /// Rays visit many nodes, because the boxes of objects overlap where they pass.
-    OverlappingBounds,
-    /// Paths end without having brought light.
-    FutilePaths,
-    /// Many texture look-ups.
-    Textures,
-    /// Paths have more vertices than elsewhere.
-    LongPaths,
-}
-
-/// A region against the frame's pixels of about the median cost: 1 is like them, 2 twice as much; absent where the planes
+/// A region against the frame's pixels of about the median cost ([`ordinary_pixels`]): 1 is like them, 2 twice as much; absent where the planes
 /// are not given or those pixels have none of it. The cost is a product:
 /// `cost = vertices_per_path · rays_per_vertex · nodes_per_ray · cost_per_node`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -130,10 +129,10 @@ pub struct Factors {
 }
 
 /// What hotspots by `intersection` are found from.
-const NEEDED: [Metric; 5] =
-    [Metric::Intersection, Metric::Rays, Metric::Nodes, Metric::Shapes, Metric::Waste];
+const NEEDED: [Metric; 6] =
+    [Metric::Intersection, Metric::Rays, Metric::RaysShadow, Metric::Nodes, Metric::Shapes, Metric::Waste];
 
-/// The hotspots of a frame by `intersection`, at most `most`; `names[object]` names an object. Empty without cost.
+/// The hotspots of a frame by `intersection`, as many as [`find`] lists; `names[object]` names an object. Empty without cost.
 pub fn of_frame(frame: &Frame, model: CostModel, names: &[String], most: usize) -> Vec<Hotspot> {
     let options = LayerOptions { model, metrics: NEEDED.into_iter().collect(), radiance: false, var: false };
     let layers = Layers::from_frame(frame, &options);
@@ -244,6 +243,7 @@ fn with_variances(
         lower: &lower,
         objects,
         rays: plane(Metric::Rays),
+        shadow_rays: plane(Metric::RaysShadow),
         nodes: plane(Metric::Nodes),
         shapes: plane(Metric::Shapes),
         // In units of intersection cost alone is it a share of it.
@@ -257,7 +257,8 @@ pub fn first_objects(frame: &Frame) -> Vec<u32> {
     frame.pixels().map(|(x, y)| frame.cost_total(x, y).first_object).collect()
 }
 
-/// The hotspots of a picture, at most `most`, by falling excess. `names[object]` names an object.
+/// The hotspots of a picture by falling excess: `most`, and while these hold less than half of the excess further ones, up to
+/// four times as many. `names[object]` names an object.
 ///
 /// # Panics
 /// When a plane that is not empty does not hold width × height values.
@@ -265,7 +266,7 @@ pub fn find(input: &HotspotInput<'_>, names: &[String], most: usize) -> Vec<Hots
     let cost = input.cost;
     let pixels = input.width as usize * input.height as usize;
     assert_eq!(cost.len(), pixels, "the cost plane does not fit its size");
-    for plane in [input.lower, input.rays, input.nodes, input.shapes, input.waste] {
+    for plane in [input.lower, input.rays, input.shadow_rays, input.nodes, input.shapes, input.waste] {
         assert!(plane.is_empty() || plane.len() == pixels, "a plane does not fit the picture");
     }
     let total: f64 = cost.iter().map(|c| f64::from(*c)).sum();
@@ -288,7 +289,7 @@ pub fn find(input: &HotspotInput<'_>, names: &[String], most: usize) -> Vec<Hots
         input.lower
     };
     let all_excess: f64 = cost.iter().map(|c| (f64::from(*c) - mean).max(0.0)).sum();
-    let medians = Medians::of(input);
+    let ordinary = Means::of(input, &ordinary_pixels(cost, input.objects));
     let mut found: Vec<Hotspot> = components(input, |index| f64::from(lower[index]) > mean)
         .into_iter()
         .filter(|members| members.len() >= MIN_PIXELS)
@@ -299,11 +300,13 @@ pub fn find(input: &HotspotInput<'_>, names: &[String], most: usize) -> Vec<Hots
             if excess <= 0.0 {
                 return None;
             }
+            let bbox = bounds(&members, input.width as usize);
             let object = input.objects.get(members[0]).copied().filter(|object| *object != NONE);
-            let factors = medians.factors(input, &members);
+            let members: Vec<u32> = members.into_iter().map(|index| index as u32).collect();
+            let factors = Means::of(input, &members).against(&ordinary);
             Some(Hotspot {
                 rank: 0,
-                bbox: bounds(&members, input.width as usize),
+                bbox,
                 pixels: members.len(),
                 pixel_share: members.len() as f64 / pixels as f64,
                 cost_share: sum / total,
@@ -312,14 +315,21 @@ pub fn find(input: &HotspotInput<'_>, names: &[String], most: usize) -> Vec<Hots
                 object,
                 name: object.and_then(|object| names.get(object as usize).cloned()),
                 factors,
-                cause: words::cause(&factors),
-                members: members.iter().map(|index| *index as u32).collect(),
+                cause: words::by_ratios(&factors),
+                members,
                 ..Hotspot::default()
             })
         })
         .collect();
     found.sort_by(|a, b| b.excess.total_cmp(&a.excess).then(a.bbox.cmp(&b.bbox)));
-    found.truncate(most);
+    let mut explained = 0.0;
+    let needed = found.iter().take_while(|hotspot| {
+        let more = explained < HALF;
+        explained += hotspot.excess_share;
+        more
+    });
+    let needed = needed.count();
+    found.truncate(most.max(needed.min(PATIENCE * most)));
     for (index, hotspot) in found.iter_mut().enumerate() {
         hotspot.rank = index + 1;
     }
@@ -364,55 +374,6 @@ fn bounds(members: &[usize], width: usize) -> [u32; 4] {
         bbox = [bbox[0].min(x), bbox[1].min(y), bbox[2].max(x + 1), bbox[3].max(y + 1)];
     }
     bbox
-}
-
-/// What the median pixel looks like.
-struct Medians {
-    cost: f32,
-    rays: f32,
-    nodes_per_ray: f32,
-    shapes_per_ray: f32,
-}
-
-impl Medians {
-    fn of(input: &HotspotInput<'_>) -> Self {
-        let per_ray = |plane: &[f32]| {
-            let ratios: Vec<f32> = plane
-                .iter()
-                .zip(input.rays)
-                .filter(|(_, rays)| **rays > 0.0)
-                .map(|(v, rays)| v / rays)
-                .collect();
-            median(&ratios)
-        };
-        Self {
-            cost: median(input.cost),
-            rays: median(input.rays),
-            nodes_per_ray: per_ray(input.nodes),
-            shapes_per_ray: per_ray(input.shapes),
-        }
-    }
-
-    fn factors(&self, input: &HotspotInput<'_>, members: &[usize]) -> Factors {
-        let sum = |plane: &[f32]| {
-            (!plane.is_empty()).then(|| members.iter().map(|index| f64::from(plane[*index])).sum::<f64>())
-        };
-        let ratio = |value: Option<f64>, by: Option<f64>| match (value, by) {
-            (Some(value), Some(by)) if by > 0.0 => Some(value / by),
-            _ => None,
-        };
-        let against = |value: Option<f64>, median: f32| ratio(value, Some(f64::from(median)));
-        let (cost, rays) = (sum(input.cost), sum(input.rays));
-        let count = Some(members.len() as f64);
-        Factors {
-            cost: against(ratio(cost, count), self.cost),
-            rays_per_path: against(ratio(rays, count), self.rays),
-            nodes_per_ray: against(ratio(sum(input.nodes), rays), self.nodes_per_ray),
-            shapes_per_ray: against(ratio(sum(input.shapes), rays), self.shapes_per_ray),
-            waste_share: ratio(sum(input.waste), cost),
-            ..Factors::default()
-        }
-    }
 }
 
 #[cfg(test)]

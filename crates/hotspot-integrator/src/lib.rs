@@ -21,6 +21,7 @@ mod payers;
 mod render;
 mod sampler;
 mod scene;
+mod soundings;
 mod surface;
 mod texture;
 
@@ -37,3 +38,4 @@ pub use kernel::NonFinite;
 pub use render::{Control, Gather, LightChoice, Progress, Rendered, Settings, Stop, render};
 pub use sampler::SamplerKind;
 pub use scene::{PrepareError, PrepareOptions, RenderScene, SceneMemory};
+pub use soundings::sound;

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod causes;
 mod commands;
 mod demo;
 mod fail;

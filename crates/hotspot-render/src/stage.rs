@@ -7,10 +7,11 @@ use crate::memory;
 use crate::open::{SceneArgs, default_size};
 use crate::progress::Talker;
 use hotspot_cost::document::{Note, Stopped, Tree};
+use hotspot_cost::hotspots::Sounding;
 use hotspot_cost::{Document, Frame, LayerOptions};
 use hotspot_integrator::{
     BakeView, Baked, Control, FirstHit, RenderScene, Rendered, Settings, Stop, SurfaceMesh, bake, first_hits,
-    render, surface_view, viewpoints,
+    render, sound, surface_view, viewpoints,
 };
 use hotspot_scene::{Camera, Environment, Repair, Scene};
 use serde_json::{Value, json};
@@ -98,6 +99,11 @@ impl<'a> Stage<'a> {
         control: Control<'_>,
     ) -> Rendered {
         self.pool.install(|| render(prepared, &self.camera, settings, control))
+    }
+
+    /// Books a few more paths through regions of the picture, on the stage's own threads.
+    pub(crate) fn sound(&self, settings: &Settings, regions: &[Vec<u32>]) -> Vec<Vec<Sounding>> {
+        self.pool.install(|| sound(&self.prepared, &self.camera, settings, regions))
     }
 
     /// Refuses frames that would not fit, before anything is allocated. `frames`: how many are held at once.

@@ -12,7 +12,13 @@ fn full() -> Document {
     document.cost_unit = Some("ns".into());
     document.hotspots =
         hotspots::of_frame(&frame, CostModel::default(), &["a", "b", "c", "d"].map(String::from), 5);
-    document.hotspots[0].causes = vec![hotspots::CauseKind::HeavyLeaves];
+    document.hotspots[0].causes = vec![hotspots::Finding {
+        kind: hotspots::CauseKind::HeavyLeaves,
+        share: Some(0.5),
+        objects: vec![1],
+        names: vec!["b".to_owned()],
+        ..hotspots::Finding::default()
+    }];
     document.hotspots[0].whatif = vec!["--delete=a".to_owned()];
     document.verdict = hotspots::verdict(&document.hotspots);
     document.command = vec!["hotspot-render".to_owned()];

@@ -69,6 +69,22 @@ fn objects_split_what_touches_and_cost_does_not_bleed() {
     assert!(found[0].object.is_none() && found[0].pixels >= 240);
 }
 
+/// Twenty-five alike: half of the excess lies in thirteen.
+#[test]
+fn hotspots_are_listed_until_they_hold_half_of_the_excess() {
+    let mut cost = vec![1.0; (WIDTH * HEIGHT) as usize];
+    let mut lower = vec![0.0; cost.len()];
+    for spot in 0..25 {
+        for pixel in 0..16 {
+            let (x, y) = (spot % 6 * 10 + pixel % 4, spot / 6 * 9 + pixel / 4);
+            cost[y * WIDTH as usize + x] = 50.0;
+            lower[y * WIDTH as usize + x] = 40.0;
+        }
+    }
+    let listed = |most| find(&HotspotInput { lower: &lower, ..input(&cost, &[]) }, &[], most).len();
+    assert_eq!([1, 2, 4, 12, 20].map(listed), [4, 8, 13, 13, 20]);
+}
+
 #[test]
 fn diagonals_connect_and_small_regions_are_dropped() {
     let mut cost = vec![1.0; 64 * 48];

@@ -7,16 +7,16 @@ use crate::names::in_sentence;
 const NOTABLE: f64 = 1.4;
 
 /// From this share on, cost in vain is worth a word.
-const WASTED: f64 = 0.5;
+pub(super) const WASTED: f64 = 0.5;
 
 /// Longest name within a sentence.
-const NAME: usize = 60;
+pub(super) const NAME: usize = 60;
 
 /// With more triangles per pixel of a hotspot than this, its object's own mesh may be too fine.
 const FINE_MESH: f64 = 1.0;
 
-/// The factors as a sentence, the strongest first.
-pub(super) fn cause(factors: &Factors) -> String {
+/// The factors as a sentence, the strongest first: what can be said without ledgers.
+pub(super) fn by_ratios(factors: &Factors) -> String {
     let mut parts: Vec<(f64, String)> = [
         (factors.rays_per_path, "paths cast", "as many rays as the median pixel's"),
         (factors.nodes_per_ray, "each ray visits", "as many tree nodes as at the median pixel"),
@@ -40,7 +40,25 @@ pub(super) fn cause(factors: &Factors) -> String {
     }
 }
 
-/// What to try about a hotspot, a sentence for each of its causes and empty when none is known. `object_triangles` is the
+/// "A", "A and B", "A, B and C" of names in quotes; empty without any.
+pub(super) fn list(names: &[String]) -> String {
+    joined(&names.iter().map(|name| super::sentences::name(name)).collect::<Vec<_>>())
+}
+
+fn joined(parts: &[String]) -> String {
+    match parts {
+        [] => String::new(),
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
+}
+
+/// Whether the object seen there has more triangles than the hotspot has pixels.
+pub(super) fn too_fine(hotspot: &Hotspot, object_triangles: Option<u64>) -> bool {
+    object_triangles.is_some_and(|triangles| triangles as f64 / hotspot.pixels.max(1) as f64 > FINE_MESH)
+}
+
+/// What to try about a hotspot whose causes were not found, a sentence for each of its causes and empty when none is known. `object_triangles` is the
 /// number of triangles of the object seen there: a coarser mesh is advised only where that has more than about one triangle
 /// per pixel of the hotspot; elsewhere the dense geometry is what rays meet on leaving it.
 pub fn fix(hotspot: &Hotspot, object_triangles: Option<u64>) -> String {
@@ -54,8 +72,7 @@ pub fn fix(hotspot: &Hotspot, object_triangles: Option<u64>) -> String {
     }
     let (nodes, shapes) = (notable(factors.nodes_per_ray), notable(factors.shapes_per_ray));
     if nodes || shapes {
-        let per_pixel = object_triangles.map(|triangles| triangles as f64 / hotspot.pixels.max(1) as f64);
-        advice.push(if per_pixel.is_some_and(|per_pixel| per_pixel > FINE_MESH) {
+        advice.push(if too_fine(hotspot, object_triangles) {
             "Simplify this object's mesh: it has more triangles than pixels here."
         } else if nodes {
             "Rays that leave this surface cross dense geometry elsewhere: simplify or move apart what surrounds it."
@@ -111,11 +128,10 @@ pub fn verdict(hotspots: &[Hotspot]) -> String {
         cost += hotspot.cost_share;
         pixels += hotspot.pixel_share;
     }
-    let list = match names.as_slice() {
-        [] => return EVEN.to_owned(),
-        [one] => one.clone(),
-        [first @ .., last] => format!("{} and {last}", first.join(", ")),
-    };
+    if names.is_empty() {
+        return EVEN.to_owned();
+    }
+    let list = joined(&names);
     format!("{} of the cost lies in {} of the pixels: {list}", percent(cost), percent(pixels))
 }
 

@@ -60,15 +60,16 @@ impl Ledgers {
 
     /// The matrix. Empty ids: the camera, the scene.
     pub fn matrix_csv(&self) -> String {
-        let mut text = format!("spawner_id,spawner,payer_id,payer,{COUNTS}\r\n");
+        let mut text = format!("spawner_id,spawner,payer_id,payer,landed,{COUNTS}\r\n");
         for row in &self.matrix {
             let _ = write!(
                 text,
-                "{},{},{},{},{}\r\n",
+                "{},{},{},{},{},{}\r\n",
                 id(row.spawner),
                 field(self.object_name(row.spawner, "camera")),
                 id(row.payer),
                 field(self.object_name(row.payer, "scene")),
+                row.landed,
                 counts(&row.traversal)
             );
         }

@@ -7,13 +7,13 @@ use super::bins::{Bins, Key};
 use super::payers::{BlockSlot, Payers, Slot};
 use super::rows::{Ledgers, MatrixRow, PayerRow, SpawnerRow, Traversal};
 use crate::recorder::{PathEnd, PathRecorder, RayCounter};
-use hotspot_probe::{NONE, Probe, RayProbe, Spawner};
+use hotspot_probe::{NONE, Probe, RayKind, RayProbe, Spawner};
 use std::collections::BTreeMap;
 
 /// Nodes, boxes, leaves, shapes.
 type Cell = [u64; 4];
-/// Instances, alpha tests: where there are any.
-type RareCell = [u64; 2];
+/// Instances, alpha tests, paths that went on: where there are any.
+type RareCell = [u64; 3];
 
 /// The sums of one worker.
 #[derive(Clone, Debug)]
@@ -34,7 +34,7 @@ impl Ledger {
         Self {
             slots,
             cells: vec![[0; 4]; slots * slots],
-            rare: vec![[0; 2]; slots * slots],
+            rare: vec![[0; 3]; slots * slots],
             bins: Bins::new(),
         }
     }
@@ -43,7 +43,7 @@ impl Ledger {
     /// not in the frame.
     #[inline(always)]
     pub const fn path<'p>(&'p mut self, payers: &'p Payers, path: PathRecorder<'p>) -> BookedPath<'p> {
-        BookedPath { path, payers, ledger: self }
+        BookedPath { path, payers, ledger: self, left: 0 }
     }
 
     /// Adds the sums of another worker of the same scene.
@@ -61,9 +61,10 @@ impl Ledger {
             }
         }
         for (sums, counts) in self.rare.iter_mut().zip(&other.rare) {
-            if *counts != [0; 2] {
-                sums[0] += counts[0];
-                sums[1] += counts[1];
+            if *counts != [0; 3] {
+                for (sum, count) in sums.iter_mut().zip(counts) {
+                    *sum += count;
+                }
             }
         }
         self.bins.merge(&other.bins);
@@ -99,23 +100,22 @@ impl Ledger {
                 }
             })
             .collect();
-        let mut pairs: BTreeMap<(usize, usize), Traversal> = BTreeMap::new();
-        for (index, (&[nodes, boxes, leaves, shapes], &[instances, alpha_tests])) in
+        let mut paid: BTreeMap<usize, Traversal> = BTreeMap::new();
+        for (index, (&[nodes, boxes, leaves, shapes], &[instances, alpha_tests, landed])) in
             self.cells.iter().zip(&self.rare).enumerate()
         {
-            let counts = Traversal { nodes, boxes, leaves, shapes, instances, alpha_tests };
-            if counts != Traversal::default() {
-                pairs.insert((index / self.slots, index % self.slots), counts);
+            let traversal = Traversal { nodes, boxes, leaves, shapes, instances, alpha_tests };
+            if traversal == Traversal::default() && landed == 0 {
+                continue;
             }
-        }
-        let mut paid: BTreeMap<usize, Traversal> = BTreeMap::new();
-        for ((spawner, payer), traversal) in pairs {
+            let (spawner, payer) = (index / self.slots, index % self.slots);
             paid.entry(payer).or_default().add(&traversal);
             let [spawner, payer] = [spawner, payer].map(|slot| payers.object(slot as Slot));
-            ledgers.matrix.push(MatrixRow { spawner, payer, others: false, traversal });
+            ledgers.matrix.push(MatrixRow { spawner, payer, others: false, landed, traversal });
         }
         ledgers.payer = paid
             .into_iter()
+            .filter(|(_, traversal)| *traversal != Traversal::default())
             .map(|(payer, traversal)| PayerRow { object: payers.object(payer as Slot), traversal })
             .collect();
         ledgers.finish();
@@ -129,6 +129,8 @@ pub struct BookedPath<'p> {
     path: PathRecorder<'p>,
     payers: &'p Payers,
     ledger: &'p mut Ledger,
+    /// Slot of the object that the path left last.
+    left: Slot,
 }
 
 impl BookedPath<'_> {
@@ -151,6 +153,11 @@ impl Probe for BookedPath<'_> {
         let spawner = self.payers.slot(by.object);
         let start = spawner as usize * self.ledger.slots;
         let Ledger { slots, cells, rare, bins } = &mut *self.ledger;
+        if by.kind == RayKind::Bounce {
+            // The path is where it leaves from: its last ray but for shadow rays has landed there.
+            rare[self.left as usize * *slots + spawner as usize][2] += 1;
+            self.left = spawner;
+        }
         BookedRay {
             counter: self.path.ray(by),
             payers: self.payers,

@@ -150,6 +150,8 @@ pub struct MatrixRow {
     /// Stands for all pairs that are not listed; `spawner` and `payer` say nothing then.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub others: bool,
+    /// Paths that went from the one to the other and on from there: together as many as bounce rays.
+    pub landed: u64,
     /// What happened there.
     #[serde(flatten)]
     pub traversal: Traversal,
@@ -199,6 +201,7 @@ impl Ledgers {
         if self.matrix.len() > Self::MOST_SPAWNERS {
             let mut rest = MatrixRow { others: true, ..MatrixRow::default() };
             for row in self.matrix.drain(Self::MOST_SPAWNERS - 1..) {
+                rest.landed += row.landed;
                 rest.traversal.add(&row.traversal);
             }
             self.matrix.push(rest);

@@ -31,13 +31,14 @@ type SpawnerKey = (Option<u32>, Option<u32>, u32, SpawnerKind, Option<u32>);
 #[derive(Default)]
 struct Oracle {
     spawner: BTreeMap<SpawnerKey, ([u64; 3], Traversal)>,
-    matrix: BTreeMap<(Option<u32>, Option<u32>), Traversal>,
+    /// What was met, and paths that went on from there.
+    matrix: BTreeMap<(Option<u32>, Option<u32>), (Traversal, u64)>,
 }
 
 impl Oracle {
     fn event(&mut self, by: Spawner, payer: Option<u32>, what: impl Fn(&mut Traversal)) {
         what(&mut self.row(by).1);
-        what(self.matrix.entry(((by.object != NONE).then_some(by.object), payer)).or_default());
+        what(&mut self.matrix.entry(((by.object != NONE).then_some(by.object), payer)).or_default().0);
     }
 
     fn row(&mut self, by: Spawner) -> &mut ([u64; 3], Traversal) {
@@ -75,7 +76,11 @@ fn booked(objects: u32, rays: u32, workers: usize, seed: u64) -> (Frame, Ledgers
         let mut path = ledgers[index as usize % workers].path(&payers, pixel.path());
         let by = some_spawner(objects, &mut random);
         oracle.row(by).0[0] += 1;
-        if random.below(20) == 0 {
+        let untraced = random.below(20) == 0;
+        if by.kind == RayKind::Bounce && !untraced {
+            oracle.matrix.entry((None, Some(by.object))).or_default().1 += 1;
+        }
+        if untraced {
             path.untraced(by);
         } else {
             let mut ray = path.ray(by);
@@ -188,10 +193,13 @@ fn ledgers_agree_with_the_oracle_row_by_row() {
             .collect();
         assert!(found == expected && found.len() == ledgers.spawner.len());
         let matrix: BTreeMap<_, _> =
-            ledgers.matrix.iter().map(|row| ((row.spawner, row.payer), row.traversal)).collect();
+            ledgers.matrix.iter().map(|r| ((r.spawner, r.payer), (r.traversal, r.landed))).collect();
         assert!(matrix == oracle.matrix && matrix.len() == ledgers.matrix.len());
         let mut paid: BTreeMap<Option<u32>, Traversal> = BTreeMap::new();
-        for ((_, payer), traversal) in &oracle.matrix {
+        for ((_, payer), (traversal, _)) in &oracle.matrix {
+            if *traversal == Traversal::default() {
+                continue;
+            }
             paid.entry(*payer).or_default().add(traversal);
         }
         let payer: BTreeMap<_, _> = ledgers.payer.iter().map(|row| (row.object, row.traversal)).collect();

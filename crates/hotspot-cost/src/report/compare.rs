@@ -24,6 +24,7 @@ pub fn compare_html(input: &CompareInput<'_>) -> String {
             ("beauty_a", &parts::image(a.as_deref(), "beautyA", &format!("A: {}", input.a.name))),
             ("beauty_b", &parts::image(b.as_deref(), "beautyB", &format!("B: {}", input.b.name))),
             ("notices", &parts::notice("Please note", &input.notes)),
+            ("suggestions", &suggestions(input)),
             ("totals", &totals(input)),
             ("settings", &parts::table("settings", &["setting", "A", "B"], &settings)),
             ("json", &parts::raw(&input.raw_json)),
@@ -82,6 +83,28 @@ fn data(input: &CompareInput<'_>, width: u32, height: u32) -> Value {
 fn joint_view(width: u32, height: u32, layer: &CompareLayer<'_>) -> View {
     let both: Vec<f32> = layer.a.iter().chain(layer.b).copied().collect();
     view(width, height.saturating_mul(2), &both, layer.scale, layer.despike, layer.map.is_diverging())
+}
+
+/// The ranked table of what was tried.
+fn suggestions(input: &CompareInput<'_>) -> String {
+    if input.suggestions.is_empty() {
+        return String::new();
+    }
+    let rows: Vec<_> = input
+        .suggestions
+        .iter()
+        .map(|row| {
+            let cells = [&row.what, &row.cost, &row.time, &row.picture, &row.command, &row.reason];
+            ("", cells.map(String::clone).to_vec())
+        })
+        .collect();
+    let headings =
+        ["change", "intersection cost", "time", "the picture changes by", "command", "why it was tried"];
+    format!(
+        "<section class=\"block\"><h2>What was tried</h2><p>Intervals of sampling and of repeats; rebuilding the tree adds \
+         its luck, which is measured for the comparison above alone.</p>{}</section>",
+        parts::table("suggestions", &headings, &rows)
+    )
 }
 
 fn totals(input: &CompareInput<'_>) -> String {

@@ -62,6 +62,32 @@ impl Fact {
     }
 }
 
+/// A change that was tried, and what it did.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SuggestionRow {
+    /// The change in words.
+    pub what: String,
+    /// Why it was tried.
+    pub reason: String,
+    /// The command that tries it.
+    pub command: String,
+    /// Change of the intersection cost: "−23.1 % ± 0.8 %".
+    pub cost: String,
+    /// Change of the time. May be empty.
+    pub time: String,
+    /// Change of the picture. May be empty.
+    pub picture: String,
+}
+
+/// A command that tries a change.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CardTry {
+    /// The command line.
+    pub command: String,
+    /// What was measured: saving and change of the picture. Empty when nobody has tried.
+    pub measured: String,
+}
+
 /// A region that costs more than its share.
 #[derive(Clone, Debug)]
 pub struct HotspotCard {
@@ -79,6 +105,8 @@ pub struct HotspotCard {
     pub cause: String,
     /// What to try, in words. May be empty.
     pub fix: String,
+    /// Commands that try it, and what they found.
+    pub tries: Vec<CardTry>,
     /// Factors against the frame's median: "Rays per path" "2.1×".
     pub factors: Vec<Fact>,
 }
@@ -240,6 +268,8 @@ pub struct CompareInput<'a> {
     pub materials: Option<ObjectLayer<'a>>,
     /// Changes of the totals.
     pub totals: Vec<ChangeRow>,
+    /// Changes that were tried by themselves, the best first; empty where none were.
+    pub suggestions: Vec<SuggestionRow>,
     /// Settings of both.
     pub facts: Vec<PairFact>,
     /// What the reader must know: intervals missing, settings that differ.

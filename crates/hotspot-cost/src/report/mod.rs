@@ -18,7 +18,7 @@ mod sample;
 
 pub use compare::compare_html;
 pub use input::{
-    ChangeRow, CompareInput, CompareLayer, Fact, HotspotCard, LedgerRow, LedgerTable, MapLayer, ObjectLayer,
-    PairFact, ReportInput, Side, TotalRow, ValueKind,
+    CardTry, ChangeRow, CompareInput, CompareLayer, Fact, HotspotCard, LedgerRow, LedgerTable, MapLayer,
+    ObjectLayer, PairFact, ReportInput, Side, SuggestionRow, TotalRow, ValueKind,
 };
 pub use page::html;

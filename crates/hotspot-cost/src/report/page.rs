@@ -112,6 +112,9 @@ fn data(input: &ReportInput<'_>, width: u32, height: u32) -> (Value, [layers::Gr
     (value, grains)
 }
 
+/// Most commands on a card.
+const TRIES: usize = 4;
+
 fn cards(hotspots: &[HotspotCard]) -> String {
     if hotspots.is_empty() {
         return String::new();
@@ -138,6 +141,17 @@ fn cards(hotspots: &[HotspotCard]) -> String {
         }
         if !spot.fix.is_empty() {
             let _ = write!(out, "<p class=\"fix\"><b>Try:</b> {}</p>", escape::name(&spot.fix, TEXT));
+        }
+        if !spot.tries.is_empty() {
+            out.push_str("<ul class=\"tries\">");
+            for tried in spot.tries.iter().take(TRIES) {
+                let _ = write!(out, "<li><code>{}</code>", escape::name(&tried.command, TEXT));
+                if !tried.measured.is_empty() {
+                    let _ = write!(out, " <b>{}</b>", escape::name(&tried.measured, TEXT));
+                }
+                out.push_str("</li>");
+            }
+            out.push_str("</ul>");
         }
         if !spot.factors.is_empty() {
             out.push_str("<ul class=\"chips\">");

@@ -9,7 +9,7 @@ use crate::{BuildOptions, Control, PrepareOptions, RenderScene, Settings, frame_
 use hotspot_bvh::simd::Portable;
 use hotspot_cost::Counter;
 use hotspot_cost::ledger::{Ledgers, Traversal};
-use hotspot_probe::{NONE, Probe, RayProbe, Spawner};
+use hotspot_probe::{NONE, Probe, RayKind, RayProbe, Spawner};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -69,7 +69,8 @@ fn one(objects: &[u32]) -> Option<u32> {
     objects.iter().all(|object| *object == first).then_some(first)
 }
 
-type Matrix = BTreeMap<(Option<u32>, Option<u32>), Traversal>;
+/// What was met, and paths that went on from there.
+type Matrix = BTreeMap<(Option<u32>, Option<u32>), (Traversal, u64)>;
 
 /// Books the leaves of a render ray by ray, by asking the scene for the object of each triangle, and nodes by what the tree says
 /// of them (`hotspot-bvh` tests that against a walk).
@@ -106,11 +107,16 @@ fn oracle(scene: &RenderScene, camera: &hotspot_scene::Camera, settings: &Settin
                     &mut log,
                 );
                 rays += log.0.len() as u64;
+                let mut left = None;
                 for (by, events) in log.0 {
                     let spawner = (by.object != NONE).then_some(by.object);
+                    if by.kind == RayKind::Bounce {
+                        matrix.entry((left, spawner)).or_default().1 += 1;
+                        left = spawner;
+                    }
                     let (mut inside, mut block) = (None, None);
                     let mut book = |payer: Option<u32>, what: &dyn Fn(&mut Traversal)| {
-                        what(matrix.entry((spawner, payer)).or_default());
+                        what(&mut matrix.entry((spawner, payer)).or_default().0);
                     };
                     for event in events {
                         match event {
@@ -168,7 +174,8 @@ fn check(file: &str, instancing: Instancing) -> Ledgers {
     let rendered = render(&scene, &camera, &settings, Control::default());
     let ledgers = rendered.ledgers.unwrap();
     let (matrix, rays) = oracle(&scene, &camera, &settings);
-    let found: Matrix = ledgers.matrix.iter().map(|row| ((row.spawner, row.payer), row.traversal)).collect();
+    let found: Matrix =
+        ledgers.matrix.iter().map(|row| ((row.spawner, row.payer), (row.traversal, row.landed))).collect();
     assert_eq!(found, matrix, "{file}");
     assert_eq!(ledgers.spawner.iter().map(|row| row.rays).sum::<u64>(), rays, "{file}");
     // And all of it is what the frame counted.
@@ -188,6 +195,11 @@ fn check(file: &str, instancing: Instancing) -> Ledgers {
         |row: &&hotspot_cost::ledger::SpawnerRow| row.kind == hotspot_cost::ledger::SpawnerKind::Shadow;
     let sent = sum(ledgers.spawner.iter().filter(shadow).map(|row| row.traversal));
     assert_eq!(sent.nodes, total(Counter::NodesShadow), "{file}");
+    let bounces = total(Counter::Rays)
+        - total(Counter::RaysShadow)
+        - rendered.frame.costs().map(|p| p.samples).sum::<u64>();
+    assert_eq!(ledgers.matrix.iter().map(|row| row.landed).sum::<u64>(), bounces, "{file}");
+    assert!(bounces > 0, "{file}");
     let cast: u64 = ledgers.spawner.iter().filter(shadow).map(|row| row.rays).sum();
     assert_eq!(cast, total(Counter::RaysShadow), "{file}");
     ledgers

@@ -6,6 +6,7 @@
 
 use super::calibrate::read_profile;
 use crate::args::{FilmArgs, TalkArgs, ViewArgs, parse_seconds};
+use crate::causes;
 use crate::fail::{FAILED, Fail, INTERRUPTED};
 use crate::interrupt;
 use crate::open::SceneArgs;
@@ -19,7 +20,7 @@ use hotspot_cost::maps::write_atomic;
 use hotspot_cost::prediction::{
     Budget, Interval, PREDICT_SCHEMA, Pilot, Pilots, Prediction, Seconds, seconds,
 };
-use hotspot_cost::{CostModel, Frame, LayerOptions, Layers, Metric, MetricSet, hotspots};
+use hotspot_cost::{CostModel, Frame, LayerOptions, Layers, Ledgers, Metric, MetricSet, hotspots};
 use hotspot_integrator::{Control, Gather, Rendered, Settings, Stop};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -85,6 +86,7 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Fail> {
     let mut full = stage.settings();
     full.spp = spp;
     full.gather = if args.plain { Gather::RADIANCE } else { Gather::ALL };
+    full.ledgers = !args.plain;
     let control = Control { cancel: Some(interrupt::flag()), progress: None, ..Control::default() };
     let begin = Instant::now();
     let plan = Plan::new(&stage, &full, args.pilot, control)?;
@@ -98,7 +100,14 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Fail> {
         return Err(Fail::new(FAILED, "the pilots took no time; raise --pilot"));
     };
     let render = per_path.scaled(paths as f64 / threads as f64);
-    let output = output_seconds(args, &stage, &run.last, model)? * pixels as f64 / plan.pixels().max(1.0);
+    let output = output_seconds(
+        args,
+        &stage,
+        &run.last,
+        model,
+        &plan.settings,
+        pixels as f64 / plan.pixels().max(1.0),
+    )?;
     let mut prediction = Prediction {
         schema: PREDICT_SCHEMA.into(),
         generator: format!("hotspot-render {}", env!("CARGO_PKG_VERSION")),
@@ -266,12 +275,29 @@ fn drift(profile: Option<&Profile>) -> f64 {
     if count > 0.0 { (sum / count).sqrt() } else { 0.0 }
 }
 
-/// Seconds to make and write the outputs of a pilot.
+/// Seconds to make and write the outputs of a render that has `scale` times the pixels of a pilot. Ledgers and the causes of
+/// hotspots do not grow with the pixels: what they add is taken once.
 fn output_seconds(
     args: &PredictArgs,
     stage: &Stage<'_>,
     rendered: &Rendered,
     model: CostModel,
+    settings: &Settings,
+    scale: f64,
+) -> Result<f64, Fail> {
+    let without = write_outputs(args, stage, rendered, model, (settings, None))?;
+    let Some(ledgers) = &rendered.ledgers else { return Ok(without * scale) };
+    let with = write_outputs(args, stage, rendered, model, (settings, Some(ledgers)))?;
+    Ok(without * scale + (with - without).max(0.0))
+}
+
+/// Seconds to make and write the outputs of a pilot.
+fn write_outputs(
+    args: &PredictArgs,
+    stage: &Stage<'_>,
+    rendered: &Rendered,
+    model: CostModel,
+    (settings, ledgers): (&Settings, Option<&Ledgers>),
 ) -> Result<f64, Fail> {
     let folder = tempfile::tempdir()
         .map_err(|e| Fail::new(FAILED, format!("cannot make a temporary folder: {e}; set TMPDIR")))?;
@@ -292,6 +318,10 @@ fn output_seconds(
             12,
         );
     }
+    if let (Some(ledgers), Some(cost)) = (ledgers, layers.metric(Metric::Intersection)) {
+        document.ledgers = Some(ledgers.clone().shortened());
+        causes::explain(stage, settings, model, (cost, &objects), &mut document.hotspots);
+    }
     writer.render(Output {
         stem: &stage.name,
         layers: &layers,
@@ -302,7 +332,7 @@ fn output_seconds(
         materials: &[],
         material_names: &[],
         object_triangles: &stage.prepared.object_triangles(),
-        ledgers: None,
+        ledgers,
         write_exr: true,
     })?;
     Ok(start.elapsed().as_secs_f64())

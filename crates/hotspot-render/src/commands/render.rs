@@ -2,6 +2,7 @@
 
 use super::calibrate::read_profile;
 use crate::args::{CALIBRATED_UNIT, LayersArg, RenderArgs};
+use crate::causes;
 use crate::fail::{Fail, INTERRUPTED};
 use crate::interrupt;
 use crate::memory;
@@ -121,6 +122,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     if settings.gather.cost {
         document.hotspots = find_hotspots(model, &settings, &rendered, &layers, &objects, prepared);
         document.verdict = hotspots::verdict(&document.hotspots);
+        document.render.causes_seconds =
+            find_causes(model, &stage, (&settings, &rendered), &layers, &objects, &mut document.hotspots);
     }
     document.ledgers = rendered.ledgers.clone().map(Ledgers::shortened);
     document.memory.peak = memory::peak();
@@ -170,6 +173,26 @@ fn find_hotspots(
     let shown = [Metric::Nodes, Metric::Rays, Metric::Shapes, Metric::TimeUs];
     let Some(metric) = shown.into_iter().find(|m| layers.metric(*m).is_some()) else { return Vec::new() };
     hotspots::of_layers(layers, metric, objects, prepared.objects(), HOTSPOTS)
+}
+
+/// The hotspots' causes: from soundings where ledgers are asked for and hotspots go by `intersection`, else from ratios.
+fn find_causes(
+    model: CostModel,
+    stage: &Stage<'_>,
+    (settings, rendered): (&Settings, &Rendered),
+    layers: &Layers,
+    objects: &[u32],
+    found: &mut [hotspot_cost::Hotspot],
+) -> f64 {
+    let why = match layers.metric(Metric::Intersection) {
+        Some(_) if !settings.gather.trace_shadow_rays => "shadow rays were not traced",
+        None => "intersection cost was not asked for",
+        Some(_) if rendered.ledgers.is_none() => "ledgers were not asked for",
+        Some(_) if rendered.stop == Stop::Cancelled => "the render was interrupted",
+        Some(cost) => return causes::explain(stage, settings, model, (cost, objects), found),
+    };
+    causes::explain_by_ratios(found, &stage.prepared.object_triangles(), why);
+    0.0
 }
 
 fn settings(

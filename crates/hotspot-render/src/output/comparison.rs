@@ -8,7 +8,10 @@ use crate::fail::Fail;
 use hotspot_cost::maps::{
     ColorMap, DEFAULT_CLIP, Exposure, HeatOptions, Scale, heat_map, write_atomic, write_png,
 };
-use hotspot_cost::report::{ChangeRow, CompareInput, CompareLayer, Side as PageSide, compare_html};
+use hotspot_cost::report::{
+    ChangeRow, CompareInput, CompareLayer, Side as PageSide, SuggestionRow, compare_html,
+};
+use hotspot_cost::whatif::{Suggestion, image_in_words, with_interval};
 use hotspot_cost::{Comparison, Layers, Metric, Side};
 
 /// How a comparison is called, what it says, and its JSON.
@@ -16,6 +19,8 @@ pub(crate) struct Pair<'a> {
     pub(crate) stem: &'a str,
     pub(crate) verdict: String,
     pub(crate) json: String,
+    /// What was tried; empty for a comparison.
+    pub(crate) suggestions: &'a [Suggestion],
 }
 
 impl Writer<'_> {
@@ -27,7 +32,8 @@ impl Writer<'_> {
         comparison: &Comparison,
     ) -> Result<Written, Fail> {
         let verdict = comparison_verdict(comparison);
-        self.pair(a, b, comparison, Pair { stem: "compare", verdict, json: comparison.to_json() })
+        let pair = Pair { stem: "compare", verdict, json: comparison.to_json(), suggestions: &[] };
+        self.pair(a, b, comparison, pair)
     }
 
     /// The same under another name.
@@ -38,7 +44,7 @@ impl Writer<'_> {
         comparison: &Comparison,
         pair: Pair<'_>,
     ) -> Result<Written, Fail> {
-        let Pair { stem, verdict, json } = pair;
+        let Pair { stem, .. } = pair;
         let mut files = Vec::new();
         let (width, height) = (comparison.layers.width, comparison.layers.height);
         let metrics: Vec<Metric> = match self.views.maps {
@@ -89,10 +95,10 @@ impl Writer<'_> {
             }
         }
         let file = self.folder.join(format!("{stem}.json"));
-        write_atomic(&file, json.as_bytes())?;
+        write_atomic(&file, pair.json.as_bytes())?;
         files.push(format!("{}: changes with their intervals", file.display()));
         let page = self.folder.join(format!("{stem}.html"));
-        write_atomic(&page, self.comparison_page(a, b, comparison, verdict, json).as_bytes())?;
+        write_atomic(&page, self.comparison_page(a, b, comparison, pair).as_bytes())?;
         files.push(format!("{}: the report", page.display()));
         Ok(Written { files, page })
     }
@@ -132,14 +138,8 @@ impl Writer<'_> {
         }
     }
 
-    fn comparison_page(
-        &self,
-        a: &Side<'_>,
-        b: &Side<'_>,
-        comparison: &Comparison,
-        verdict: String,
-        json: String,
-    ) -> String {
+    fn comparison_page(&self, a: &Side<'_>, b: &Side<'_>, comparison: &Comparison, pair: Pair<'_>) -> String {
+        let Pair { verdict, json, suggestions, .. } = pair;
         // One exposure for both, A's where it is automatic.
         let picture_a = tone_mapped(a.layers, self.views.exposure);
         let exposure = picture_a.as_ref().map_or(self.views.exposure, |p| Exposure::Ev(p.ev));
@@ -202,10 +202,27 @@ impl Writer<'_> {
             totals,
             objects: named(&objects.ids, &objects.names),
             materials: named(&materials.ids, &materials.names),
+            suggestions: suggestions.iter().map(row).collect(),
             facts: pair_facts(a.document, b.document),
             notes: comparison.notes.clone(),
             raw_json: json,
         })
+    }
+}
+
+fn row(suggestion: &Suggestion) -> SuggestionRow {
+    let doubt = |significant: Option<bool>| if significant == Some(false) { ", not significant" } else { "" };
+    SuggestionRow {
+        what: suggestion.what.clone(),
+        reason: suggestion.reason.clone(),
+        command: super::render::whatif_command(&suggestion.option),
+        cost: suggestion.relative.map_or_else(String::new, |relative| {
+            format!("{}{}", with_interval(relative, suggestion.ci95), doubt(suggestion.significant))
+        }),
+        time: suggestion.time.map_or_else(String::new, |time| {
+            format!("{}{}", with_interval(time.relative, time.ci95), doubt(time.significant()))
+        }),
+        picture: image_in_words(&suggestion.image).unwrap_or_default(),
     }
 }
 

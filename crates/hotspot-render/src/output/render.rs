@@ -7,8 +7,9 @@ use crate::ledgers::ledger_tables;
 use hotspot_cost::document::View;
 use hotspot_cost::exr_io::{self, Header};
 use hotspot_cost::maps::{Beauty, HeatOptions, heat_map, write_atomic, write_png};
-use hotspot_cost::report::{Fact, HotspotCard, MapLayer, ObjectLayer, ReportInput, html};
-use hotspot_cost::{Document, Layers, Ledgers, Metric, Rect, hotspots};
+use hotspot_cost::report::{CardTry, Fact, HotspotCard, MapLayer, ObjectLayer, ReportInput, html};
+use hotspot_cost::{Document, Layers, Ledgers, Metric, Rect, WhatIf, hotspots};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// A render to be written.
@@ -149,8 +150,22 @@ impl Writer<'_> {
         }
     }
 
+    /// What `whatif` measured of this scene, by option, where its document lies in the same folder and speaks of the same tree.
+    /// Whatever is wrong with that file is no fault of this render.
+    fn measured(&self, document: &Document) -> BTreeMap<String, String> {
+        let file = self.folder.join(format!("{}.whatif.json", document.scene));
+        let text = std::fs::read_to_string(&file).unwrap_or_default();
+        match WhatIf::from_json(&text, &file.display().to_string()) {
+            Ok(whatif) if !whatif.tree.is_empty() && whatif.tree == document.tree.digest => {
+                whatif.by_option().map(|(option, words)| (option.to_owned(), words)).collect()
+            }
+            _ => BTreeMap::new(),
+        }
+    }
+
     fn page(&self, parts: &PageParts<'_>, picture: Option<Beauty>) -> String {
         let PageParts { title, layers, document, object_triangles, .. } = *parts;
+        let measured = self.measured(document);
         let beauty = picture.map_or_else(
             || image::RgbImage::from_pixel(layers.width, layers.height, image::Rgb([40, 40, 44])),
             |p| p.image,
@@ -188,7 +203,11 @@ impl Writer<'_> {
                 .ledgers
                 .as_ref()
                 .map_or_else(Vec::new, |ledgers| ledger_tables(ledgers, document.cost_model)),
-            hotspots: document.hotspots.iter().map(|hotspot| card(hotspot, object_triangles)).collect(),
+            hotspots: document
+                .hotspots
+                .iter()
+                .map(|hotspot| card(hotspot, object_triangles, &measured))
+                .collect(),
             facts: facts(document),
             totals: totals(document),
             unmodelled: document.unmodelled.iter().map(note).collect(),
@@ -212,13 +231,23 @@ fn file_name(path: &Path) -> String {
     path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
 }
 
-fn card(hotspot: &hotspot_cost::Hotspot, object_triangles: &[u64]) -> HotspotCard {
+/// The command that tries an option.
+pub(super) fn whatif_command(option: &str) -> String {
+    format!("hotspot-render whatif SCENE {option}")
+}
+
+fn card(
+    hotspot: &hotspot_cost::Hotspot,
+    object_triangles: &[u64],
+    measured: &BTreeMap<String, String>,
+) -> HotspotCard {
     let triangles = hotspot.object.and_then(|object| object_triangles.get(object as usize)).copied();
     let [left, top, right, bottom] = hotspot.bbox;
     let f = &hotspot.factors;
     let factors = [
         ("Cost", f.cost),
-        ("Rays per path", f.rays_per_path),
+        ("Vertices per path", f.vertices_per_path),
+        ("Rays per vertex", f.rays_per_vertex),
         ("Nodes per ray", f.nodes_per_ray),
         ("Triangles per ray", f.shapes_per_ray),
     ];
@@ -236,7 +265,19 @@ fn card(hotspot: &hotspot_cost::Hotspot, object_triangles: &[u64]) -> HotspotCar
         pixel_share: hotspot.pixel_share,
         cost_share: hotspot.cost_share,
         cause: hotspot.cause.clone(),
-        fix: hotspots::fix(hotspot, triangles),
+        fix: if hotspot.fix.is_empty() && hotspot.sounded == 0 {
+            hotspots::fix(hotspot, triangles)
+        } else {
+            hotspot.fix.clone()
+        },
+        tries: hotspot
+            .whatif
+            .iter()
+            .map(|option| CardTry {
+                command: whatif_command(option),
+                measured: measured.get(option).cloned().unwrap_or_default(),
+            })
+            .collect(),
         factors: facts,
     }
 }
