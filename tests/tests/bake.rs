@@ -45,7 +45,11 @@ fn agrees(scene: &RenderScene, camera: &Camera, settings: &Settings, detail: u32
         shapes: sum(&rendered.frame, Counter::Shapes),
     };
     assert_eq!(all, expected);
-    assert_eq!(baked.escaped.rays, sum(&rendered.frame, Counter::Escaped), "an escaped path has one such ray");
+    assert_eq!(
+        baked.escaped.rays,
+        sum(&rendered.frame, Counter::Escaped),
+        "an escaped path has one such ray"
+    );
     assert!(landed.rays > 0 && landed.nodes + landed.shapes > 0);
     baked
 }
@@ -176,7 +180,8 @@ fn viewpoints_lie_in_the_open() {
     }
     assert_eq!(points, viewpoints(&scene, 40));
     // One flat triangle: the axis across it is widened, so that it is seen.
-    let flat = World::new().with(rectangle([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), matte([0.5; 3])).prepare();
+    let flat =
+        World::new().with(rectangle([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), matte([0.5; 3])).prepare();
     assert_eq!(viewpoints(&flat, 8).len(), 8);
 }
 
@@ -191,7 +196,10 @@ fn what_cannot_be_baked_on_is_refused() {
     let (world, _) = balls();
     let scene = world.prepare();
     let error = SurfaceMesh::new(&scene, 100_000, Some(1 << 20)).unwrap_err();
-    assert!(matches!(error, MeshError::TooLarge { .. }) && error.to_string().contains("limit of 1 MiB"), "{error}");
+    assert!(
+        matches!(error, MeshError::TooLarge { .. }) && error.to_string().contains("limit of 1 MiB"),
+        "{error}"
+    );
     // Huge and tiny: coordinates at the ends of f32.
     for scale in [1e30, 1e-20] {
         let quad = rectangle([0.0; 3], [scale, 0.0, 0.0], [0.0, scale, 0.0]);

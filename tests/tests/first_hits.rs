@@ -60,7 +60,8 @@ fn a_wall_has_its_distance_its_normal_and_its_color() {
             let (x, y) = ((i % 9) as f32 - 4.0, (i / 9) as f32 - 4.0);
             let tangent = (x * x + y * y).sqrt() / 4.5;
             let jitter = 0.5f32.sqrt() / 4.5;
-            let bounds = [tangent - jitter, tangent + jitter].map(|t| 4.0 * (1.0 + t.max(0.0).powi(2)).sqrt());
+            let bounds =
+                [tangent - jitter, tangent + jitter].map(|t| 4.0 * (1.0 + t.max(0.0).powi(2)).sqrt());
             assert!((bounds[0] - 1e-5..=bounds[1] + 1e-5).contains(&hit.depth), "{hit:?} {bounds:?}");
             assert_eq!((hit.objects[0].id, hit.objects[0].coverage), (0, 1.0));
         }

@@ -25,9 +25,7 @@ mod surface;
 mod texture;
 
 pub use aov::{FIRST_HIT_BYTES, FirstHit, add_first_hits, first_hits};
-pub use bake::{
-    BakeView, Baked, MeshError, MeshPart, SurfaceMesh, bake, surface_view, viewpoints,
-};
+pub use bake::{BakeView, Baked, MeshError, MeshPart, SurfaceMesh, bake, surface_view, viewpoints};
 pub use camera::frame_bounds;
 #[cfg(hotspot_ablation)]
 pub use class::Feature;

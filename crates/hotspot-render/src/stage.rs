@@ -9,8 +9,8 @@ use crate::progress::Talker;
 use hotspot_cost::document::{Note, Tree};
 use hotspot_cost::{Document, Frame, LayerOptions};
 use hotspot_integrator::{
-    BakeView, Baked, Control, FirstHit, RenderScene, Rendered, Settings, SurfaceMesh, bake, first_hits, render,
-    surface_view, viewpoints,
+    BakeView, Baked, Control, FirstHit, RenderScene, Rendered, Settings, SurfaceMesh, bake, first_hits,
+    render, surface_view, viewpoints,
 };
 use hotspot_scene::{Camera, Environment, Repair, Scene};
 use serde_json::{Value, json};
@@ -106,12 +106,7 @@ impl<'a> Stage<'a> {
     }
 
     /// The same where `beside` bytes per pixel are wanted beside the frames.
-    pub(crate) fn check_memory_beside(
-        &self,
-        intervals: bool,
-        frames: u64,
-        beside: u64,
-    ) -> Result<(), Fail> {
+    pub(crate) fn check_memory_beside(&self, intervals: bool, frames: u64, beside: u64) -> Result<(), Fail> {
         let (width, height, limit) = (self.width, self.height, self.open.max_memory);
         // Sums in f64 and u64, then planes in f32, then the EXR writer's copy: about 800 bytes per pixel and half.
         let per_pixel = (800 * (1 + u64::from(intervals))).saturating_mul(frames).saturating_add(beside);

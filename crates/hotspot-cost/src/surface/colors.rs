@@ -21,7 +21,8 @@ impl SurfaceScale {
     /// From the least value to that which `percentile` percent of the rays lie below: each value counts by the rays that landed there, so
     /// that the noise of vertices which few rays met does not set the scale. `values`: (value, rays).
     pub fn auto(values: impl Iterator<Item = (f32, f32)>, percentile: f64) -> Self {
-        let mut seen: Vec<(f32, f32)> = values.filter(|(value, rays)| value.is_finite() && *rays > 0.0).collect();
+        let mut seen: Vec<(f32, f32)> =
+            values.filter(|(value, rays)| value.is_finite() && *rays > 0.0).collect();
         seen.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         let all: f64 = seen.iter().map(|(_, rays)| f64::from(*rays)).sum();
         let below = |share: f64| {
@@ -73,8 +74,7 @@ mod tests {
     #[test]
     fn the_ends_of_the_scale_get_the_ends_of_the_map() {
         let values = [(1.0, 1.0), (3.0, 1.0), (9.0, 1.0), (2.0, 0.0), (f32::NAN, 1.0)];
-        let colors =
-            vertex_colors(values.into_iter(), ColorMap::Viridis, SurfaceScale { lo: 1.0, hi: 3.0 });
+        let colors = vertex_colors(values.into_iter(), ColorMap::Viridis, SurfaceScale { lo: 1.0, hi: 3.0 });
         // Viridis begins at #440154 and ends at #fee825 or a step beside it.
         assert!(colors[0][2] > colors[0][0] && colors[0][0] > colors[0][1], "{colors:?}");
         assert!(colors[1][0] > 60000 && colors[1][2] < 2000, "{colors:?}");

@@ -166,8 +166,9 @@ pub fn write_glb(
     });
     if let Some(camera) = camera.filter(|c| c.yfov > 0.0 && c.aspect > 0.0 && c.znear > 0.0) {
         // Column by column.
-        let matrix: Vec<f64> =
-            (0..16).map(|k| if k % 4 == 3 { f64::from(k == 15) } else { camera.to_world[k % 4][k / 4] }).collect();
+        let matrix: Vec<f64> = (0..16)
+            .map(|k| if k % 4 == 3 { f64::from(k == 15) } else { camera.to_world[k % 4][k / 4] })
+            .collect();
         nodes.push(json!({ "name": "camera", "camera": 0, "matrix": matrix }));
         root["cameras"] = json!([{
             "type": "perspective",
@@ -224,7 +225,10 @@ mod tests {
         let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
         let json: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
         assert_eq!(json["meshes"][0]["primitives"].as_array().unwrap().len(), 2);
-        assert_eq!((&json["meshes"][1]["name"], &json["nodes"][0]["name"]), (&json!("b"), &json!("a \"quoted\"")));
+        assert_eq!(
+            (&json["meshes"][1]["name"], &json["nodes"][0]["name"]),
+            (&json!("b"), &json!("a \"quoted\""))
+        );
         assert_eq!(json["accessors"][0]["max"], json!([1.0, 0.0, 0.0]));
         let view = &json["bufferViews"][2];
         let at = 28 + length + view["byteOffset"].as_u64().unwrap() as usize;
@@ -236,7 +240,9 @@ mod tests {
     #[test]
     fn what_is_not_whole_is_refused() {
         let error = |parts: &[SurfacePart]| write_glb(parts, None, "", &Value::Null).unwrap_err().to_string();
-        assert!(error(&[]).contains("no triangles") && error(&[SurfacePart::default()]).contains("no triangles"));
+        assert!(
+            error(&[]).contains("no triangles") && error(&[SurfacePart::default()]).contains("no triangles")
+        );
         let mut broken = part("x");
         broken.triangles[0][1] = 9;
         assert!(error(&[broken]).contains("object \"x\""));

@@ -107,16 +107,14 @@ impl SurfaceSums {
     /// # Panics
     /// When there is no such vertex.
     pub fn vertex(&self, vertex: usize) -> VertexSum {
-        let [rays, nodes, shapes] =
-            [0, 1, 2].map(|i| self.vertices[vertex][i].load(Ordering::Relaxed));
+        let [rays, nodes, shapes] = [0, 1, 2].map(|i| self.vertices[vertex][i].load(Ordering::Relaxed));
         VertexSum { rays, nodes, shapes }
     }
 
     /// What all vertices got together: whole numbers, since every ray's parts sum to 1.
     pub fn total(&self) -> SurfaceCounts {
         let sum = |i: usize| -> u64 {
-            let parts: u128 =
-                self.vertices.iter().map(|v| u128::from(v[i].load(Ordering::Relaxed))).sum();
+            let parts: u128 = self.vertices.iter().map(|v| u128::from(v[i].load(Ordering::Relaxed))).sum();
             (parts / u128::from(ONE)) as u64
         };
         SurfaceCounts { rays: sum(0), nodes: sum(1), shapes: sum(2) }

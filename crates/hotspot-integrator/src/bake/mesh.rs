@@ -86,7 +86,8 @@ impl SurfaceMesh {
         let geometry = &scene.geometry;
         let (min, max) = scene.bounds();
         let diagonal = length([0, 1, 2].map(|i| f64::from(max[i]) - f64::from(min[i])));
-        let step = if detail > 0 && diagonal.is_finite() { diagonal / f64::from(detail) } else { f64::INFINITY };
+        let step =
+            if detail > 0 && diagonal.is_finite() { diagonal / f64::from(detail) } else { f64::INFINITY };
         let segments = |corners: &[[f64; 3]; 3]| {
             let [a, b, c] = corners;
             let edge = |a: &[f64; 3], b: &[f64; 3]| length([0, 1, 2].map(|i| a[i] - b[i]));

@@ -209,8 +209,7 @@ impl BakeKernel<'_> {
         let turn = u64::from(hash(x, hash(y, self.settings.seed as u32))) + index;
         let point = self.points[(turn % self.points.len() as u64) as usize];
         // The film is the sphere, areas alike (Archimedes).
-        let (across, down) =
-            ((x as f32 + u) / size.0 as f32, (y as f32 + v) / size.1 as f32);
+        let (across, down) = ((x as f32 + u) / size.0 as f32, (y as f32 + v) / size.1 as f32);
         let z = 1.0 - 2.0 * down;
         let r = (1.0 - z * z).max(0.0).sqrt();
         let (sin, cos) = libm::sincosf(core::f32::consts::TAU * across);
