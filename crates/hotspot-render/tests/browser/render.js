@@ -2,6 +2,7 @@ finished(async () => {
   const frames = [...document.querySelectorAll(".frame")];
   const [first, second] = [[0.2, 0.3], [0.7, 0.8]];
 
+  check("the page begins at the costliest pixel", /above (99\.\d|100)/.test(text("#readout .cell.on")));
   point("pointermove", frames[1], ...first);
   const here = text("#readout");
   point("pointermove", frames[1], ...second);
@@ -77,6 +78,14 @@ finished(async () => {
   let [bright, dark] = [0, 0];
   for (let i = 3; i < pixels.length; i += 4) pixels[i] === 165 ? dark++ : bright++;
   check("and the others are dimmed", bright > 15 && dark > 15);
+  const box = JSON.parse(one("#data").textContent).hotspots[0];
+  let astray = 0;
+  for (let i = 0; i < mask.width * mask.height; i++) {
+    const [x, y] = [i % mask.width, Math.floor(i / mask.width)];
+    const inside = x >= box.x && x < box.x + box.width && y >= box.y && y < box.y + box.height;
+    if (pixels[i * 4 + 3] !== 165 && !inside) astray++;
+  }
+  check("none of them lies outside its box", astray === 0);
   button.click();
   check("a second click takes it back", mask.hidden && frames[0].querySelector(".spot").hidden);
   const ledger = [...document.querySelectorAll(".ledger button:not(:disabled)")];
