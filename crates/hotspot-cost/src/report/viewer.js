@@ -249,7 +249,11 @@ function allLayers(count, tableAt, at) {
   const all = make("details", "all");
   all.open = allOpen;
   all.append(make("summary", "", `All ${count} layers at this pixel`));
-  if (allOpen) all.append(tableAt(at));
+  if (allOpen) {
+    const scroll = make("div", "scroll");
+    scroll.append(tableAt(at));
+    all.append(scroll);
+  }
   all.addEventListener("toggle", () => {
     if (all.open === allOpen) return;
     allOpen = all.open;

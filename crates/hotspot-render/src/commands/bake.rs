@@ -23,7 +23,7 @@ use std::time::Instant;
 
 /// Version of `NAME.bake.json`.
 const SCHEMA: &str = "hotspot-bake/1";
-/// Rays beyond this percentile get the last colour.
+/// Rays, or area, beyond this percentile get the last colour.
 const CLIP: f64 = 99.0;
 /// Objects that the JSON lists.
 const OBJECTS: usize = 1000;
@@ -43,7 +43,7 @@ pub(crate) struct BakeArgs {
     #[arg(long, value_enum, default_value_t = PerArg::Ray)]
     pub(crate) per: PerArg,
     /// Split triangles until no edge is longer than 1/N of the scene's diagonal (0: leave them as they are)
-    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(..=100_000))]
     pub(crate) detail: u32,
     /// Paths of each pixel
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..))]
@@ -167,8 +167,15 @@ pub(crate) fn run(args: &BakeArgs) -> Result<(), Fail> {
     };
     let values: Vec<f32> = (0..mesh.vertex_count()).map(value).collect();
     let pairs = || values.iter().copied().zip(rays.iter().copied());
-    let scale =
-        args.scale.map_or_else(|| SurfaceScale::auto(pairs(), CLIP), |(lo, hi)| SurfaceScale { lo, hi });
+    // Values count by what they are divided by: by rays, or by area.
+    let weighed = (0..mesh.vertex_count()).map(|vertex| {
+        let weight = if args.per == PerArg::Ray { rays[vertex] } else { areas[vertex] as f32 };
+        (values[vertex], if rays[vertex] > 0.0 { weight } else { 0.0 })
+    });
+    let scale = match args.scale {
+        Some((lo, hi)) => SurfaceScale { lo, hi },
+        None => SurfaceScale::auto(weighed, CLIP),
+    };
     let colors = vertex_colors(pairs(), args.colors.map(), scale);
 
     let materials: Vec<&str> = prepared.material_names().collect();
@@ -309,18 +316,17 @@ fn document(
             })
         })
         .collect();
-    let top: Vec<String> = shares
+    let top: Vec<(String, f64)> = shares
         .iter()
         .filter(|(_, share)| share.cost > 0.0)
         .take(3)
-        .map(|(object, share)| {
-            format!("{:.0} % on \"{}\"", 100.0 * share_of(share.cost), names[*object as usize])
-        })
+        .map(|(object, share)| (format!("on \"{}\"", names[*object as usize]), share_of(share.cost)))
         .collect();
     let verdict = if top.is_empty() {
         "No ray landed on a surface".to_owned()
     } else {
-        format!("Of the cost where rays land, {} ", top.join(", ")).trim_end().to_owned()
+        format!("Of the cost where rays land, {} lies {}{}", percent(top[0].1), top[0].0, words(&top[1..]))
+            + &dearest(shares, names, &landed, model)
     };
     let mut settings = stage.described(&{
         let mut settings = stage.settings();
@@ -350,6 +356,32 @@ fn document(
         "objects": objects,
         "settings": settings,
     })
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.0} %", 100.0 * share)
+}
+
+/// ", 13 % on …".
+fn words(rest: &[(String, f64)]) -> String {
+    rest.iter().map(|(on, share)| format!(", {} {on}", percent(*share))).collect()
+}
+
+/// Of the objects with at least a hundredth of the cost the one whose rays cost most, where they cost more than others.
+fn dearest(shares: &[(u32, Share)], names: &[String], landed: &SurfaceCounts, model: CostModel) -> String {
+    let mean = landed.cost(model) / landed.rays as f64;
+    let least = 0.01 * landed.cost(model);
+    let ratio = |share: &Share| share.cost / share.rays / mean;
+    let found = shares
+        .iter()
+        .filter(|(_, share)| share.cost >= least && share.rays > 0.0)
+        .max_by(|a, b| ratio(&a.1).total_cmp(&ratio(&b.1)));
+    match found {
+        Some((object, share)) if ratio(share) >= 1.1 => {
+            format!("; rays cost most on \"{}\", {:.1} times the mean", names[*object as usize], ratio(share))
+        }
+        _ => String::new(),
+    }
 }
 
 /// The stage's camera, where glTF can say it as it is.

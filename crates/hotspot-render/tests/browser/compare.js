@@ -1,5 +1,6 @@
 finished(async () => {
   const frames = [...document.querySelectorAll(".frame")];
+  check("the page begins at the largest change", /larger than (99\.\d|100)/.test(text("#readout .cell.on")));
   const cut = () => one("#beautyB").style.clipPath;
   const half = cut();
   one("#wipe").value = "20";
@@ -24,6 +25,11 @@ finished(async () => {
   press("p");
   check("P shows the cost maps", !one("#heatA").hidden && one("#beautyA").hidden);
   press("p");
+  const shown = one("#heat").getContext("2d").getImageData(0, 0, one("#heat").width, one("#heat").height);
+  let grey = 0;
+  while (grey * 4 < shown.data.length && !(shown.data[grey * 4] === 150 && shown.data[grey * 4 + 1] === 150 && shown.data[grey * 4 + 2] === 150)) grey++;
+  point("pointermove", frames[1], ((grey % shown.width) + 0.5) / shown.width, (Math.floor(grey / shown.width) + 0.5) / shown.height);
+  check("grey is not significant, and the read-out says so", text("#readout .cell.on").includes("not significant"));
   const heat = picture("#heat");
   press("2");
   check("a number key chooses another difference", picture("#heat") !== heat);
