@@ -6,9 +6,13 @@
 #![forbid(unsafe_code)]
 
 pub mod agreement;
+pub mod albedo;
+pub mod forms;
+pub mod measured;
 pub mod picture;
 pub mod reference;
 pub mod stats;
+pub mod twin;
 pub mod world;
 
 use std::io::Write;

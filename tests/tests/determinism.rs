@@ -172,7 +172,7 @@ fn threads_and_instruction_sets_do_not_show() {
         settings.intervals = true;
         let one = on_threads(1, &auto, &camera, &settings);
         assert!(one.costs().any(|cost| cost.get(Counter::Nodes) > 0), "{name}: nothing was counted");
-        for threads in [2, 7] {
+        for threads in [2, 7, 16] {
             let other = on_threads(threads, &auto, &camera, &settings);
             assert_same(&one, &other, &format!("{name} on {threads} threads"));
         }

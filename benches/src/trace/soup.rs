@@ -176,7 +176,7 @@ pub fn hash(index: u32) -> f32 {
 }
 
 /// Value noise in [−1, 1], smooth, one octave per unit.
-fn noise(x: f32, y: f32, z: f32) -> f32 {
+pub(crate) fn noise(x: f32, y: f32, z: f32) -> f32 {
     let cell = |v: f32| v.floor() as i32;
     let (i, j, k) = (cell(x), cell(y), cell(z));
     let smooth = |t: f32| t * t * (3.0 - 2.0 * t);

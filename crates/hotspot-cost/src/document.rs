@@ -4,6 +4,7 @@
 //! know and take absent ones as empty, so that keys can be added without a new version; a key never changes its meaning.
 //! Integer sums are written exactly. Times are in seconds, memory in bytes, shares of 1.
 
+use crate::depth_cut::DepthLoss;
 use crate::digest::Digest;
 use crate::error::{self, Error};
 use crate::frame::Frame;
@@ -67,6 +68,9 @@ pub struct Document {
     pub estimated_relmse: Option<f64>,
     /// Where that comes from: conservative means that it is too large.
     pub estimated_relmse_kind: CiKind,
+    /// What the depth limit did, where paths were counted and radiance gathered.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub depth_limit: Option<DepthLoss>,
     /// Fingerprints of the sums.
     pub digest: Digest,
     /// Cost by what sent and by what was visited, when gathered.
@@ -110,6 +114,23 @@ pub struct Render {
     pub threads: u32,
     /// The traversal kernel that was counted.
     pub kernel: String,
+    /// Why sampling ended; absent when unknown.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<Stopped>,
+}
+
+/// Why sampling ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stopped {
+    /// All samples were taken.
+    Samples,
+    /// The time was over.
+    TimeLimit,
+    /// The estimated error was small enough.
+    TargetError,
+    /// The user ended it.
+    Interrupted,
 }
 
 /// The acceleration structure.

@@ -27,8 +27,29 @@ pub struct NonFinite {
     pub half: usize,
 }
 
-/// Most that a tile reports in one wave: enough to find the fault, too few to fill the memory.
+/// Most that a tile lists in one wave: enough to find the fault, too few to fill the memory.
 const MOST_NON_FINITE: usize = 64;
+
+/// The samples of a tile and wave whose radiance was not finite.
+#[derive(Debug, Default)]
+pub(crate) struct Lost {
+    /// How many.
+    pub(crate) count: u64,
+    /// The first of them.
+    pub(crate) listed: Vec<NonFinite>,
+}
+
+impl Lost {
+    /// Not inlined: no scene should ever come here.
+    #[cold]
+    #[inline(never)]
+    fn add(&mut self, sample: NonFinite) {
+        self.count += 1;
+        if self.listed.len() < MOST_NON_FINITE {
+            self.listed.push(sample);
+        }
+    }
+}
 
 /// What all tiles of a render share.
 pub(crate) struct Kernel<'a> {
@@ -56,7 +77,7 @@ pub(crate) struct TileJob<'a> {
     pub(crate) samples: Range<u64>,
     /// Where pixels get different numbers of samples.
     pub(crate) plan: Option<&'a Plan>,
-    pub(crate) non_finite: &'a mut Vec<NonFinite>,
+    pub(crate) lost: &'a mut Lost,
     /// Books the counted samples, where ledgers are gathered.
     pub(crate) ledger: Option<&'a mut Ledger>,
 }
@@ -139,7 +160,7 @@ fn of_half(samples: &Range<u64>, half: u64, halves: u64) -> Range<u64> {
 impl TileJob<'_> {
     #[inline(always)]
     fn pixels<S: Simd, C: Class>(self, simd: S) {
-        let Self { kernel, tile, samples, plan, non_finite, mut ledger } = self;
+        let Self { kernel, tile, samples, plan, lost, mut ledger } = self;
         let halves = kernel.halves as u64;
         let counts = tile.has_cost();
         let counted = if counts { kernel.counted } else { 0 };
@@ -164,8 +185,8 @@ impl TileJob<'_> {
                 let mut keep = |index: u64, result: &PathResult| {
                     if kernel.radiance {
                         let finite = result.radiance.is_finite();
-                        if !finite && non_finite.len() < MOST_NON_FINITE {
-                            non_finite.push(NonFinite { x, y, sample: index, half });
+                        if !finite {
+                            lost.add(NonFinite { x, y, sample: index, half });
                         }
                         film.add(if finite { result.radiance.to_array() } else { [0.0; 3] });
                     }
@@ -252,10 +273,8 @@ fn sample<S: Simd, P: Probe, C: Class>(
     probe: &mut P,
 ) -> PathResult {
     let [u, v, light @ ..] = sampler.get(Dimensions::segment(0));
-    let film_x = (x as f32 + u) / kernel.width as f32;
-    let film_y = (y as f32 + v) / kernel.height as f32;
-    let (origin, direction) = kernel.camera.ray(film_x, film_y);
-    trace::<S, P, C>(simd, kernel.scene, &kernel.path, (origin, direction), light, sampler, probe)
+    let ray = kernel.camera.ray_of((x, y), [u, v], (kernel.width, kernel.height));
+    trace::<S, P, C>(simd, kernel.scene, &kernel.path, ray, light, sampler, probe)
 }
 
 #[cfg(test)]

@@ -2,6 +2,8 @@
 #![forbid(unsafe_code)]
 
 mod adaptive;
+mod aov;
+mod bake;
 mod bsdf;
 mod camera;
 mod cast;
@@ -23,6 +25,8 @@ mod soundings;
 mod surface;
 mod texture;
 
+pub use aov::{FIRST_HIT_BYTES, FirstHit, add_first_hits, first_hits};
+pub use bake::{BakeView, Baked, MeshError, MeshPart, SurfaceMesh, bake, surface_view, viewpoints};
 pub use camera::frame_bounds;
 #[cfg(hotspot_ablation)]
 pub use class::Feature;

@@ -2,7 +2,7 @@
 
 use crate::adaptive::{Plan, pilot};
 use crate::camera::FilmCamera;
-use crate::kernel::{Kernel, NonFinite, TileJob};
+use crate::kernel::{Kernel, Lost, NonFinite, TileJob};
 use crate::light::{Learned, Lessons};
 use crate::path::PathSettings;
 use crate::sampler::SamplerKind;
@@ -143,6 +143,9 @@ pub struct Control<'a> {
     /// Asked with what there is after 8, 10, 12, 14, 16, 20, … samples per pixel (four times in each doubling) whether that is
     /// enough. Where it is asked does not depend on time, so neither does where the render ends. Not asked of adaptive renders.
     pub enough: Option<&'a (dyn Fn(&Frame) -> bool + Sync)>,
+    /// Shown what there is between waves, a few times in a render (each time that the samples have doubled), for displays. Waves
+    /// are what they are without it, and its time is not counted in [`Rendered::seconds`].
+    pub watch: Option<&'a (dyn Fn(&Frame) + Sync)>,
 }
 
 /// Why a render ended.
@@ -169,7 +172,7 @@ pub struct Rendered {
     pub samples: u32,
     /// Why it ended.
     pub stop: Stop,
-    /// Seconds of sampling.
+    /// Seconds of sampling, without those spent in the hooks of [`Control`].
     pub seconds: f64,
     /// Worker threads.
     pub threads: usize,
@@ -177,6 +180,8 @@ pub struct Rendered {
     pub kernel: String,
     /// Samples whose radiance was not finite and counted as black, sorted; at most 64 per tile and wave are listed.
     pub non_finite: Vec<NonFinite>,
+    /// How many samples that happened to.
+    pub non_finite_count: u64,
 }
 
 /// The ledgers that no worker holds at the moment: as many come into being as workers run at once.
@@ -220,12 +225,26 @@ const fn next_question(done: u64) -> u64 {
 /// Waves are sized to take about this long, so that a render can be stopped and shows progress.
 const WAVE: Duration = Duration::from_millis(1000);
 
+/// Samples per pixel after which [`Control::watch`] looks first.
+const FIRST_LOOK: u64 = 8;
+
 /// Renders. Runs in the rayon pool of the caller; the result does not depend on the number of threads, nor on how the
 /// samples are split into waves.
 ///
 /// # Panics
 /// When width, height or spp is 0.
 pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control: Control<'_>) -> Rendered {
+    render_in_tiles(scene, camera, settings, control, 16)
+}
+
+/// The same in tiles of another edge, which does not show.
+fn render_in_tiles(
+    scene: &RenderScene,
+    camera: &Camera,
+    settings: &Settings,
+    control: Control<'_>,
+    tile: u32,
+) -> Rendered {
     assert!(settings.spp > 0, "no samples to take");
     let gather = settings.gather;
     let mut frame = Frame::new(FrameDesc {
@@ -233,7 +252,7 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
         height: settings.height,
         intervals: settings.intervals,
         cost: gather.cost || gather.time,
-        tile: 16,
+        tile,
     });
     // Both halves always have as many samples.
     let halves = frame.halves() as u64;
@@ -272,9 +291,13 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
     let mut plan: Option<Plan> = None;
     let taken = AtomicU64::new(0);
     let mut non_finite = Vec::new();
+    let mut non_finite_count = 0;
     let mut done = 0u64;
     let default_wave = if settings.time_limit.is_some() { 1 } else { 4 };
     let mut wave = u64::from(settings.first_wave.unwrap_or(default_wave).max(1));
+    // Spent in the caller's hooks.
+    let mut outside = Duration::ZERO;
+    let mut next_look = FIRST_LOOK;
     let stop = loop {
         let end = match (&plan, pilot) {
             (Some(plan), _) => plan.most(),
@@ -285,11 +308,11 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
         let asked = control.enough.filter(|_| !settings.adaptive);
         let end = if asked.is_some() { end.min(next_question(done).next_multiple_of(halves)) } else { end };
         let samples = done..(done + wave.next_multiple_of(halves)).min(end);
-        let found: Vec<NonFinite> = frame
+        let found: Vec<Lost> = frame
             .tiles_mut()
             .par_iter_mut()
             .map(|tile| {
-                let mut found = Vec::new();
+                let mut lost = Lost::default();
                 let mut ledger = payers.as_ref().map(|payers| shelf.take(payers));
                 let added = match &plan {
                     Some(plan) => plan.samples(tile.rect(), samples.start, samples.end),
@@ -303,7 +326,7 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
                             tile,
                             samples: samples.clone(),
                             plan: plan.as_ref(),
-                            non_finite: &mut found,
+                            lost: &mut lost,
                             ledger: ledger.as_mut(),
                         },
                     );
@@ -315,11 +338,13 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
                 if let Some(progress) = control.progress {
                     progress(Progress { done, total: camera_samples, elapsed: start.elapsed() });
                 }
-                found
+                lost
             })
-            .flatten()
             .collect();
-        non_finite.extend(found);
+        for lost in found {
+            non_finite_count += lost.count;
+            non_finite.extend(lost.listed);
+        }
         done = samples.end;
         if plan.is_none() && pilot == Some(done) {
             plan = Some(Plan::new(&frame, done, total));
@@ -327,11 +352,20 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
         if done == plan.as_ref().map_or(total, Plan::most) {
             break Stop::Done;
         }
+        let asked_at = Instant::now();
         if asked
             .is_some_and(|enough| done == next_question(done - 1).next_multiple_of(halves) && enough(&frame))
         {
+            outside += asked_at.elapsed();
             break Stop::Enough;
         }
+        if let Some(watch) = control.watch
+            && done >= next_look
+        {
+            watch(&frame);
+            next_look = 2 * done;
+        }
+        outside += asked_at.elapsed();
         if control.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
             break Stop::Cancelled;
         }
@@ -339,7 +373,7 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
         // Of one more sample for every pixel that is to get one.
         let active = plan.as_ref().map_or(pixels, |plan| plan.active(done));
         let taken = taken.load(Ordering::Relaxed);
-        let per_sample = elapsed.as_secs_f64() * (active as f64 / taken as f64);
+        let per_sample = elapsed.saturating_sub(outside).as_secs_f64() * (active as f64 / taken as f64);
         let mut budget = WAVE.as_secs_f64();
         if let Some(limit) = settings.time_limit {
             budget = budget.min(limit.as_secs_f64() - elapsed.as_secs_f64());
@@ -351,7 +385,7 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
         wave = ((budget / per_sample) as u64).max(1);
     };
     non_finite.sort_unstable();
-    let seconds = start.elapsed().as_secs_f64();
+    let seconds = start.elapsed().saturating_sub(outside).as_secs_f64();
     Rendered {
         frame,
         ledgers: payers.map(|payers| {
@@ -368,8 +402,12 @@ pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control
             if learned.is_some() { "learned" } else { scene.class().name() }
         ),
         non_finite,
+        non_finite_count,
     }
 }
+
+#[cfg(test)]
+mod tiles;
 
 #[cfg(test)]
 mod tests {

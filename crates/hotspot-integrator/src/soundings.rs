@@ -1,7 +1,7 @@
 //! A few more paths through some pixels, counted and booked apart from the render: what its hotspots are explained from.
 
 use crate::camera::FilmCamera;
-use crate::kernel::{Kernel, TileJob};
+use crate::kernel::{Kernel, Lost, TileJob};
 use crate::light::{Learned, Lessons};
 use crate::path::PathSettings;
 use crate::render::{LightChoice, Settings};
@@ -68,7 +68,7 @@ pub fn sound(
         .map(|(region, part)| {
             let mut sounding = Sounding::default();
             let mut ledger = Ledger::new(&payers);
-            let mut non_finite = Vec::new();
+            let mut lost = Lost::default();
             let samples = PATHS.div_ceil(region.len().max(1) as u64).min(MOST_SAMPLES);
             // Evenly over large regions, each part at pixels of its own.
             let len = region.len() as u64;
@@ -87,7 +87,7 @@ pub fn sound(
                         tile: &mut tile,
                         samples: part * samples..(part + 1) * samples,
                         plan: None,
-                        non_finite: &mut non_finite,
+                        lost: &mut lost,
                         ledger: Some(&mut ledger),
                     },
                 );

@@ -56,6 +56,8 @@ pub(crate) enum Command {
     Calibrate(Box<CalibrateArgs>),
     /// Say what a render will count and how long it will take
     Predict(Box<PredictArgs>),
+    /// Put the cost where rays land onto the surfaces, as glTF for any viewer
+    Bake(Box<crate::commands::bake::BakeArgs>),
     /// Measure what a change of the scene would do to its cost
     Whatif(Box<crate::commands::whatif::WhatIfArgs>),
 }
@@ -151,7 +153,7 @@ pub(crate) struct RenderArgs {
     /// --spp is the most samples then [default: 65536]
     #[arg(long, value_name = "E", value_parser = parse_error, conflicts_with_all = ["adaptive", "no_radiance"])]
     pub(crate) target_error: Option<f64>,
-    /// Further layers in the EXR: var (upper bounds of the variances)
+    /// Further layers in the EXR: var (upper bounds of the variances), aov (albedo, normal, depth and Cryptomatte)
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',')]
     pub(crate) layers: Vec<LayersArg>,
     #[command(flatten)]
@@ -304,6 +306,8 @@ pub(crate) enum MapsArg {
 pub(crate) enum LayersArg {
     /// Upper bounds of the variances
     Var,
+    /// What the camera sees first: albedo, normal, depth, Cryptomatte of objects and materials
+    Aov,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -380,7 +384,7 @@ pub(crate) fn parse_roulette(text: &str) -> Result<Roulette, String> {
     text.parse().map(|n| Roulette(Some(n))).map_err(|_| "write a vertex index such as 4, or off".into())
 }
 
-fn parse_weight(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_weight(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() && x >= 0.0 => Ok(x),
         _ => Err("write a number that is not negative".into()),

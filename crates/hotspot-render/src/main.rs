@@ -13,6 +13,7 @@ mod open;
 mod output;
 mod progress;
 mod say;
+mod seen;
 mod stage;
 mod trees;
 
@@ -42,6 +43,7 @@ fn main() -> ExitCode {
         Command::Error(options) => commands::error::run(&options),
         Command::Calibrate(options) => commands::calibrate::run(&options),
         Command::Predict(options) => commands::predict::run(&options),
+        Command::Bake(options) => commands::bake::run(&options),
         Command::Whatif(options) => commands::whatif::run(&options),
     };
     match result {

@@ -13,6 +13,8 @@ pub(crate) struct Talker {
     quiet: bool,
     /// The estimated relMSE so far, and whether it is unbiased rather than an upper bound.
     estimate: Mutex<Option<(f64, bool)>>,
+    /// The share of the samples asked for that will be taken; unknown at first where the render ends by its error.
+    expected: Mutex<Option<f64>>,
 }
 
 enum Mode {
@@ -42,7 +44,7 @@ impl Talker {
         } else {
             Mode::Lines(Mutex::new(None))
         };
-        Self { mode, quiet: talk.quiet, estimate: Mutex::new(None) }
+        Self { mode, quiet: talk.quiet, estimate: Mutex::new(None), expected: Mutex::new(Some(1.0)) }
     }
 
     /// One line for people on standard output, unless quiet.
@@ -72,12 +74,23 @@ impl Talker {
         }
     }
 
+    /// The share of the samples asked for that is expected to be enough; `None`: not known yet. All, unless told.
+    pub(crate) fn expect(&self, share: Option<f64>) {
+        if let Ok(mut expected) = self.expected.lock() {
+            *expected = share;
+        }
+    }
+
     /// Called from worker threads.
     pub(crate) fn progress(&self, progress: Progress) {
-        let share = progress.done as f64 / progress.total as f64;
+        let expected = self.expected.lock().ok().and_then(|expected| *expected);
+        let share =
+            expected.map(|expected| (progress.done as f64 / (progress.total as f64 * expected)).min(1.0));
         let elapsed = progress.elapsed.as_secs_f64();
         let rate = progress.done as f64 / elapsed.max(1e-9) * 1e-6;
-        let left = elapsed * (1.0 - share) / share.max(1e-9);
+        let left = share.map(|share| elapsed * (1.0 - share) / share.max(1e-9));
+        let share = share.unwrap_or(0.0);
+        let words = left.map_or("time left not known yet".to_owned(), |left| format!("{left:.0} s left"));
         let estimate = self.estimate.lock().ok().and_then(|estimate| *estimate);
         match &self.mode {
             Mode::Silent => {}
@@ -86,11 +99,11 @@ impl Talker {
                 let error = estimate.map_or(String::new(), |(error, unbiased)| {
                     format!(", relMSE {}{error:.1e}", if unbiased { "" } else { "below " })
                 });
-                bar.set_message(format!("{rate:.2} Msamples/s, {left:.0} s left{error}"));
+                bar.set_message(format!("{rate:.2} Msamples/s, {words}{error}"));
             }
             Mode::Lines(last) => {
                 if due(last, LINE_EVERY) {
-                    crate::say::err!("{:3.0} %  {rate:.2} Msamples/s, {left:.0} s left", share * 100.0);
+                    crate::say::err!("{:3.0} %  {rate:.2} Msamples/s, {words}", share * 100.0);
                 }
             }
             Mode::Json(last) => {
@@ -100,7 +113,8 @@ impl Talker {
                     });
                     crate::say::err!(
                         "{{\"progress\":{share:.4},\"seconds\":{elapsed:.3},\"msamples_per_second\":{rate:.4},\
-                         \"seconds_left\":{left:.1}{error}}}"
+                         \"seconds_left\":{}{error}}}",
+                        left.map_or("null".to_owned(), |left| format!("{left:.1}"))
                     );
                 }
             }

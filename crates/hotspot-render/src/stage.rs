@@ -6,13 +6,17 @@ use crate::fail::{FAILED, Fail};
 use crate::memory;
 use crate::open::{SceneArgs, default_size};
 use crate::progress::Talker;
-use hotspot_cost::document::{Note, Tree};
+use hotspot_cost::document::{Note, Stopped, Tree};
 use hotspot_cost::hotspots::Sounding;
-use hotspot_cost::{Document, LayerOptions};
-use hotspot_integrator::{Control, RenderScene, Rendered, Settings, render, sound};
+use hotspot_cost::{Document, Frame, LayerOptions};
+use hotspot_integrator::{
+    BakeView, Baked, Control, FirstHit, RenderScene, Rendered, Settings, Stop, SurfaceMesh, bake, first_hits,
+    render, sound, surface_view, viewpoints,
+};
 use hotspot_scene::{Camera, Environment, Repair, Scene};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::sync::atomic::AtomicBool;
 
 /// A scene ready to be rendered any number of times.
 pub(crate) struct Stage<'a> {
@@ -104,10 +108,15 @@ impl<'a> Stage<'a> {
 
     /// Refuses frames that would not fit, before anything is allocated. `frames`: how many are held at once.
     pub(crate) fn check_memory(&self, intervals: bool, frames: u64) -> Result<(), Fail> {
+        self.check_memory_beside(intervals, frames, 0)
+    }
+
+    /// The same where `beside` bytes per pixel are wanted beside the frames.
+    pub(crate) fn check_memory_beside(&self, intervals: bool, frames: u64, beside: u64) -> Result<(), Fail> {
         let (width, height, limit) = (self.width, self.height, self.open.max_memory);
         // Sums in f64 and u64, then planes in f32, then the EXR writer's copy: about 800 bytes per pixel and half.
-        let bytes =
-            (u64::from(width) * u64::from(height) * 800 * (1 + u64::from(intervals))).saturating_mul(frames);
+        let per_pixel = (800 * (1 + u64::from(intervals))).saturating_mul(frames).saturating_add(beside);
+        let bytes = (u64::from(width) * u64::from(height)).saturating_mul(per_pixel);
         if bytes > limit.saturating_mul(1 << 20) {
             return Err(Fail::usage(format!(
                 "{width} x {height} pixels with every layer need about {} MiB, more than --max-memory {limit}; \
@@ -152,6 +161,45 @@ impl<'a> Stage<'a> {
         }
     }
 
+    /// What the camera sees first, of at most `most` samples of each pixel; `None` when interrupted.
+    pub(crate) fn first_hits(
+        &self,
+        settings: &Settings,
+        frame: &Frame,
+        most: u64,
+        cancel: &AtomicBool,
+    ) -> Option<Vec<FirstHit>> {
+        let (scene, camera) = (&self.prepared, &self.camera);
+        self.pool.install(|| first_hits(scene, camera, settings, frame, most, Some(cancel)))
+    }
+
+    /// Cost where rays land, on a mesh of the stage's scene.
+    pub(crate) fn bake(
+        &self,
+        mesh: &SurfaceMesh,
+        view: BakeView<'_>,
+        settings: &Settings,
+        control: Control<'_>,
+    ) -> Baked {
+        self.pool.install(|| bake(&self.prepared, mesh, view, settings, control))
+    }
+
+    /// Points to look at the scene from.
+    pub(crate) fn viewpoints(&self, count: u32) -> Vec<[f32; 3]> {
+        viewpoints(&self.prepared, count)
+    }
+
+    /// Values at a mesh's vertices, as the camera sees them.
+    pub(crate) fn surface_view(&self, mesh: &SurfaceMesh, values: &[f32]) -> Vec<f32> {
+        let size = (self.width, self.height);
+        self.pool.install(|| surface_view(&self.prepared, mesh, values, &self.camera, size))
+    }
+
+    /// Worker threads.
+    pub(crate) fn threads(&self) -> usize {
+        self.pool.current_num_threads()
+    }
+
     /// The document of a render on this stage. Settings and hotspots are the caller's to add.
     pub(crate) fn document(&self, rendered: &Rendered, options: &LayerOptions) -> Document {
         self.document_over(&self.prepared, rendered, options)
@@ -174,6 +222,12 @@ impl<'a> Stage<'a> {
         document.render.build_seconds = prepared.build_seconds();
         document.render.threads = rendered.threads as u32;
         document.render.kernel.clone_from(&rendered.kernel);
+        document.render.stopped = Some(match rendered.stop {
+            Stop::Done => Stopped::Samples,
+            Stop::TimeLimit => Stopped::TimeLimit,
+            Stop::Enough => Stopped::TargetError,
+            Stop::Cancelled => Stopped::Interrupted,
+        });
         document.tree = Tree {
             builder: format!("obvhs ploc {}", self.open.prepare_options().tree.quality.name()),
             width: hotspot_bvh::WIDTH,

@@ -48,7 +48,7 @@ fn materials() -> Vec<(&'static str, Material)> {
 /// A box and a sphere about the origin, from very small to very large.
 #[test]
 fn shells_are_dark_inside_at_any_scale() {
-    for scale in [1e-6, 1e-3, 1.0, 1e3, 1e6] {
+    for scale in [1e-8, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e8] {
         let s = |v: V3| v.map(|c| c * scale);
         for (name, material) in materials() {
             let box_ = cuboid(s([-1.0, -0.7, -1.2]), s([1.1, 0.9, 0.8]), false);

@@ -85,7 +85,7 @@ fn several_lights_and_an_environment_add_up() {
             world = world.with(rectangle(center, u, v), material);
         }
         let expected = f64::from(0.7f32) / core::f64::consts::PI * expected;
-        measure(&world.prepare(), &view(), 1, 256).assert_grey(expected, 4e-3, &format!("set {i}"));
+        measure(&world.prepare(), &view(), 1, 256).assert_grey(expected, 1e-3, &format!("set {i}"));
     }
 }
 
@@ -103,7 +103,7 @@ fn lights_of_any_solid_angle() {
         // Below a low light the camera must be lower still.
         let camera = if height < 0.1 { pencil([2.0, 0.5 * height, 0.0], [0.0, 0.0, 0.0]) } else { view() };
         let what = format!("height {height}, half edge {half}");
-        measure(&world, &camera, 1, 256).assert_grey(8.0 * 0.5 / core::f64::consts::PI * e, 0.01, &what);
+        measure(&world, &camera, 1, 256).assert_grey(8.0 * 0.5 / core::f64::consts::PI * e, 1e-3, &what);
     }
 }
 

@@ -86,7 +86,7 @@ fn planes_of_any_slope_are_lit_by_quadrature() {
             let expected = [0, 1, 2].map(|c| f64::from(expected[c]) / PI * e[c]);
             measure(&scene, &camera, 1, 512).assert_near(
                 expected,
-                2e-3,
+                1e-3,
                 &format!("sun {sun}, turned {rotation}, normal {n:?}"),
             );
         }

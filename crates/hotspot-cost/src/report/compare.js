@@ -15,9 +15,28 @@ function cellOf(layer, at, on) {
   else if (Number.isFinite(relative)) big.append(`${sign}${percent(relative)}`);
   else big.append(`${sign}${short(change)}`);
   const noise = layer.clear && layer.clear[at] === 0 ? " · not significant" : "";
-  const raw = `${amount({ ...layer, unit: "" }, a)} → ${amount(layer, a + change)}${noise}`;
+  const rank = `larger than ${Math.floor(sizeRank(layer, change) * 1000) / 10}\u00a0% of pixels`;
+  const raw = `${amount({ ...layer, unit: "" }, a)} → ${amount(layer, a + change)}${noise} · ${rank}`;
   cell.append(make("div", "label", layer.label), big, make("div", "raw", raw));
   return cell;
+}
+
+// Share of the pixels whose change is smaller, whatever its sign.
+function sizeRank(layer, change) {
+  layer.sizes ??= { values: layer.values.map(Math.abs) };
+  return rankOf(layer.sizes, Math.abs(change));
+}
+
+function tableOfAll(at) {
+  return tableOfRows(
+    ["layer", "A", "B", "change", "larger than", "significant"],
+    data.maps.map((layer) => {
+      const [a, change] = [layer.a[at], layer.values[at]];
+      const clear = layer.clear ? (layer.clear[at] ? "yes" : "no") : "–";
+      const sign = change > 0 ? "+" : "";
+      return [layer.label, amount(layer, a), amount(layer, a + change), `${sign}${amount({ ...layer, unit: "" }, change)}`, `${Math.floor(sizeRank(layer, change) * 100)} %`, clear];
+    }),
+  );
 }
 
 function readOut(at) {
@@ -25,7 +44,9 @@ function readOut(at) {
   const shown = new Set([0, 1, 2].filter((i) => i < data.maps.length));
   shown.add(current);
   for (const index of shown) cells.append(cellOf(data.maps[index], at, index === current));
-  $("readout").replaceChildren(whereLine(), cells);
+  const parts = [whereLine(...namesAt(at)), cells];
+  if (data.maps.length > 3) parts.push(allLayers(data.maps.length, tableOfAll, at));
+  $("readout").replaceChildren(...parts);
   $("legend").show?.(data.maps[current].values[at]);
 }
 
@@ -51,6 +72,22 @@ function wipe(percentOfA) {
   for (const id of ["beautyB", "heatB"]) if ($(id)) $(id).style.clipPath = `inset(0 0 0 ${cut}%)`;
   $("seam").style.left = `${percentOfA}%`;
 }
+
+// The seam can be taken by hand.
+$("seam").addEventListener("pointerdown", (event) => {
+  event.preventDefault();
+  event.stopPropagation();
+  const frame = $("seam").parentElement;
+  const follow = (e) => wipe(Math.min(Math.max(shareOf(frame, e)[0] * 100, 0), 100));
+  const done = () => {
+    // Letting go is no click on the picture.
+    zoom.dragged = true;
+    document.removeEventListener("pointermove", follow);
+    for (const end of ["pointerup", "pointercancel"]) document.removeEventListener(end, done);
+  };
+  document.addEventListener("pointermove", follow);
+  for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, done);
+});
 zoom.changed = () => wipe(Number($("wipe").value));
 
 function flicker() {
@@ -79,6 +116,7 @@ start(async () => {
     map.a = await valuesOf(map.planeA);
     if (map.significant) map.clear = await quantaOf(map.significant);
   }
+  await unpackGroups();
   moved = readOut;
   choose(0);
   const first = data.maps[0].values;

@@ -74,6 +74,8 @@ fn data(input: &CompareInput<'_>, width: u32, height: u32) -> Value {
         "height": height,
         "tables": layers::tables(),
         "maps": maps,
+        "objects": input.objects.as_ref().map(|o| layers::objects(width, height, o)),
+        "materials": input.materials.as_ref().map(|o| layers::objects(width, height, o)),
     })
 }
 

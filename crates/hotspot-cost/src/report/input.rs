@@ -262,6 +262,10 @@ pub struct CompareInput<'a> {
     pub b: Side<'a>,
     /// The layers; the first is shown at the start.
     pub maps: Vec<CompareLayer<'a>>,
+    /// Objects for the read-out.
+    pub objects: Option<ObjectLayer<'a>>,
+    /// Materials for the read-out.
+    pub materials: Option<ObjectLayer<'a>>,
     /// Changes of the totals.
     pub totals: Vec<ChangeRow>,
     /// Changes that were tried by themselves, the best first; empty where none were.

@@ -1,11 +1,8 @@
 // The page of one render.
 
 let current = 0;
-// Per pixel: what the camera sees first, as indices into the names of `data.objects` and `data.materials`.
-const groups = {};
 // Per pixel: 0, or the rank of the hotspot that it belongs to.
 let spots = null;
-let allOpen = false;
 
 function bigOf(layer, value) {
   const big = make("div", "big");
@@ -31,19 +28,14 @@ function cellOf(index, at) {
 }
 
 function tableOfAll(at) {
-  const table = make("table");
-  const head = make("tr");
-  for (const text of ["layer", "to the median", "value", "above"]) head.append(make("th", "", text));
-  table.createTHead().append(head);
-  const body = table.createTBody();
-  for (const layer of data.maps) {
-    const value = layer.values[at];
-    const row = body.insertRow();
-    const ratio = !layer.share && layer.median > 0 ? `${short(value / layer.median)}×` : "–";
-    const above = `${Math.floor(rankOf(layer, value) * 100)} %`;
-    for (const text of [layer.label, ratio, amount(layer, value), above]) row.append(make("td", "", text));
-  }
-  return table;
+  return tableOfRows(
+    ["layer", "to the median", "value", "above"],
+    data.maps.map((layer) => {
+      const value = layer.values[at];
+      const ratio = !layer.share && layer.median > 0 ? `${short(value / layer.median)}×` : "–";
+      return [layer.label, ratio, amount(layer, value), `${Math.floor(rankOf(layer, value) * 100)} %`];
+    }),
+  );
 }
 
 function readOut(at) {
@@ -51,20 +43,8 @@ function readOut(at) {
   const shown = new Set([0, 1, 2].filter((i) => i < data.maps.length));
   if (!shown.has(current)) shown.add(current);
   for (const index of shown) cells.append(cellOf(index, at));
-  const parts = [whereLine(...["objects", "materials"].filter((kind) => groups[kind]).map((kind) => data[kind].names[groups[kind][at]])), cells];
-  if (data.maps.length > 3) {
-    const all = make("details", "all");
-    all.open = allOpen;
-    all.append(make("summary", "", `All ${data.maps.length} layers at this pixel`));
-    if (allOpen) all.append(tableOfAll(at));
-    all.addEventListener("toggle", () => {
-      if (all.open === allOpen) return;
-      allOpen = all.open;
-      moveTo(position.x, position.y);
-      $("readout").querySelector("summary").focus();
-    });
-    parts.push(all);
-  }
+  const parts = [whereLine(...namesAt(at)), cells];
+  if (data.maps.length > 3) parts.push(allLayers(data.maps.length, tableOfAll, at));
   $("readout").replaceChildren(...parts);
   $("legend").show?.(data.maps[current].values[at]);
 }
@@ -137,7 +117,7 @@ function memberOfHotspot(chosen) {
 
 start(async () => {
   for (const map of data.maps) map.values = map.plane ? await valuesOf(map.plane) : new Float32Array(width * height).fill(NaN);
-  for (const kind of ["objects", "materials"]) if (data[kind]) groups[kind] = await quantaOf(data[kind].plane);
+  await unpackGroups();
   if (data.spots) spots = await quantaOf(data.spots);
   moved = readOut;
   choose(0);
@@ -154,9 +134,10 @@ start(async () => {
   });
   for (const button of document.querySelectorAll(".ledger button")) {
     const { kind, id } = button.dataset;
-    const ids = groups[kind];
-    if (ids) button.addEventListener("click", () => show(button, null, (i) => ids[i] === Number(id)));
-    else button.disabled = true;
+    // The plane counts the names that occur; ledgers name all.
+    const place = data[kind]?.ids.indexOf(Number(id)) ?? -1;
+    if (place > 0) button.addEventListener("click", () => show(button, null, (i) => groups[kind][i] === place));
+    else [button.disabled, button.title] = [true, "The camera does not see it directly"];
   }
   const legendKey = (id) => () => $(id)?.click();
   onKeys({ map: choose, Escape: () => shown && show(shown), l: legendKey("log"), r: legendKey("reset") });

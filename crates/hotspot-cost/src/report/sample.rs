@@ -252,6 +252,8 @@ pub(super) fn comparison<'a>(a: &'a Sample, b: &'a Sample, significant: &'a [boo
         a: Side { name: "mirror-gap-wide".into(), beauty: &a.beauty },
         b: Side { name: "mirror-gap-narrow".into(), beauty: &b.beauty },
         maps: (0..10).map(layer).collect(),
+        objects: None,
+        materials: None,
         totals: vec![
             row("Rays", 9.3, 8.8, Some([-0.06, -0.048]), Some(true)),
             row("Intersection cost [nodes + triangles]", 241.0, 219.5, Some([-0.093, -0.085]), Some(true)),

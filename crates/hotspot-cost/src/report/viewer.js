@@ -234,6 +234,44 @@ function placeMarks() {
   }
 }
 
+// Per pixel: what the camera sees first, as indices into the names of `data.objects` and `data.materials`.
+const groups = {};
+
+async function unpackGroups() {
+  for (const kind of ["objects", "materials"]) if (data[kind]) groups[kind] = await quantaOf(data[kind].plane);
+}
+
+const namesAt = (at) => ["objects", "materials"].map((kind) => groups[kind] && data[kind].names[groups[kind][at]]);
+
+// A folded table of every layer at the pixel; it stays open or folded while the crosshair moves.
+let allOpen = false;
+function allLayers(count, tableAt, at) {
+  const all = make("details", "all");
+  all.open = allOpen;
+  all.append(make("summary", "", `All ${count} layers at this pixel`));
+  if (allOpen) all.append(tableAt(at));
+  all.addEventListener("toggle", () => {
+    if (all.open === allOpen) return;
+    allOpen = all.open;
+    moveTo(position.x, position.y);
+    $("readout").querySelector("summary").focus();
+  });
+  return all;
+}
+
+function tableOfRows(headings, rows) {
+  const table = make("table");
+  const head = make("tr");
+  for (const text of headings) head.append(make("th", "", text));
+  table.createTHead().append(head);
+  const body = table.createTBody();
+  for (const cells of rows) {
+    const row = body.insertRow();
+    for (const text of cells) row.append(make("td", "", text));
+  }
+  return table;
+}
+
 // Where the crosshair is: the object, then the material that the camera sees there, where they are known.
 function whereLine(object, material) {
   const line = make("p", "where");

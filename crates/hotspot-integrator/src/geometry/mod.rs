@@ -3,6 +3,8 @@
 //! World space is the file's scene space; transforms are applied in f64 and stored as f32. A mesh that appears often may be
 //! stored once, in its own space ([`Instancing`]); its triangles follow those of the world.
 
+#[cfg(test)]
+mod leaving;
 mod place;
 mod point;
 
@@ -77,6 +79,11 @@ impl Placed {
             handedness: determinant.signum() as f32,
             least_scale: (1.0 / inverse) as f32,
         }
+    }
+
+    /// Whether it turns triangles over.
+    pub(crate) fn is_mirrored(&self) -> bool {
+        self.handedness < 0.0
     }
 
     #[inline(always)]
@@ -203,23 +210,21 @@ impl Geometry {
         let least = u.min(v).min(1.0 - u - v) * self.least_height[surface.triangle as usize];
         let Some(placed) = surface.placed else {
             let point = SurfacePoint::new(triangle, u, v);
-            let margin = point.margin();
-            if least >= margin {
+            if least >= point.margin() {
                 return point;
             }
-            let [_, u, v] = inset(triangle, [1.0 - u - v, u, v], margin);
+            let [_, u, v] = inset(triangle, [1.0 - u - v, u, v], &point);
             return SurfacePoint::new(triangle, u, v);
         };
         let point = SurfacePoint::placed(triangle, u, v, &placed.to_world);
-        let margin = point.margin();
-        if least * placed.least_scale >= margin {
+        if least * placed.least_scale >= point.margin() {
             return point;
         }
         let there = triangle.map(|p| {
             let p = p.map(f64::from);
             placed.to_world.map(|r| (r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3]) as f32)
         });
-        let [_, u, v] = inset(&there, [1.0 - u - v, u, v], margin);
+        let [_, u, v] = inset(&there, [1.0 - u - v, u, v], &point);
         SurfacePoint::placed(triangle, u, v, &placed.to_world)
     }
 

@@ -17,15 +17,25 @@ fn heights(triangle: &[[f32; 3]; 3]) -> [f64; 3] {
     })
 }
 
-/// Barycentric weights moved so that the point is at least `margin` away from every edge, or as far as a triangle too
-/// small for that allows.
+/// Barycentric weights moved so that `point` (theirs) is at least its margin away from every edge, or as far as a triangle
+/// too small for that allows.
+///
+/// Of [`SurfacePoint::margin`] an edge asks for what concerns it: errors along the normal, by which rays start off the plane,
+/// and errors across the edge. Those along an edge do not lead over it: a strip much narrower than the rounding of its
+/// far ends' coordinates keeps its points.
 #[cold]
 #[inline(never)]
-pub(super) fn inset(triangle: &[[f32; 3]; 3], mut weights: [f32; 3], margin: f32) -> [f32; 3] {
+pub(super) fn inset(triangle: &[[f32; 3]; 3], mut weights: [f32; 3], point: &SurfacePoint) -> [f32; 3] {
     let heights = heights(triangle);
+    let [a, b, c] = triangle.map(|v| glam::DVec3::from_array(v.map(f64::from)));
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let error = point.error.as_dvec3();
+    let most = f64::from(point.margin());
     let mut missing = 0.0;
-    for (weight, height) in weights.iter_mut().zip(heights) {
-        let least = (margin / height as f32).min(0.33);
+    for ((weight, height), edge) in weights.iter_mut().zip(heights).zip([c - b, a - c, b - a]) {
+        let across = normal.cross(edge).normalize_or_zero();
+        let margin = (2.0 * (normal.abs() + across.abs()).dot(error)).min(most);
+        let least = ((margin / height) as f32).min(0.33);
         if *weight < least {
             missing += least - *weight;
             *weight = least;
@@ -81,8 +91,8 @@ impl SurfaceTriangle {
         let corners: [[f64; 3]; 3] = core::array::from_fn(|i| {
             core::array::from_fn(|axis| self.corner[axis] + if i > 0 { self.edges[i - 1][axis] } else { 0.0 })
         });
-        let margin = self.point(u, v).margin();
-        let [_, u, v] = inset(&corners.map(|c| c.map(|x| x as f32)), [1.0 - u - v, u, v], margin);
+        let point = self.point(u, v);
+        let [_, u, v] = inset(&corners.map(|c| c.map(|x| x as f32)), [1.0 - u - v, u, v], &point);
         self.point(u, v)
     }
 

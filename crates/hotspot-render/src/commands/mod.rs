@@ -1,5 +1,6 @@
 //! One room per command.
 
+pub(crate) mod bake;
 pub(crate) mod calibrate;
 pub(crate) mod compare;
 pub(crate) mod error;

@@ -1,5 +1,6 @@
 //! The outputs of a comparison of two renders.
 
+use super::render::named;
 use super::words::{kind, labelled, pair_facts, unit};
 use super::{MAIN, Writer, Written, tone_mapped};
 use crate::args::MapsArg;
@@ -191,6 +192,7 @@ impl Writer<'_> {
                 })
             })
             .collect();
+        let [objects, materials] = &self.seen;
         compare_html(&CompareInput {
             title: format!("{} against {}", comparison.a, comparison.b),
             verdict,
@@ -198,6 +200,8 @@ impl Writer<'_> {
             b: PageSide { name: comparison.b.clone(), beauty: &beauty_b },
             maps,
             totals,
+            objects: named(&objects.ids, &objects.names),
+            materials: named(&materials.ids, &materials.names),
             suggestions: suggestions.iter().map(row).collect(),
             facts: pair_facts(a.document, b.document),
             notes: comparison.notes.clone(),

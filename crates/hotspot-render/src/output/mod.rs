@@ -10,6 +10,7 @@ pub(crate) use render::Output;
 use crate::args::{MapsArg, ScaleArg, ViewArgs};
 use crate::commands::make_folder;
 use crate::fail::{FAILED, Fail};
+use crate::seen::Names;
 use hotspot_cost::maps::{Beauty, DEFAULT_CLIP, Exposure, Scale, beauty};
 use hotspot_cost::{Document, Layers, Metric};
 use std::collections::BTreeMap;
@@ -24,6 +25,8 @@ pub(crate) struct Writer<'a> {
     views: &'a ViewArgs,
     /// Ranges by metric, from `--scale FILE`.
     ranges: BTreeMap<String, [f64; 2]>,
+    /// Objects and materials under the pointer on the pages of comparisons.
+    seen: [Names; 2],
 }
 
 /// What was written.
@@ -52,7 +55,12 @@ impl<'a> Writer<'a> {
             }
             _ => BTreeMap::new(),
         };
-        Ok(Self { folder, views, ranges })
+        Ok(Self { folder, views, ranges, seen: Default::default() })
+    }
+
+    /// Names the objects and materials of the pixels on the pages of comparisons.
+    pub(crate) fn shows(&mut self, seen: [Names; 2]) {
+        self.seen = seen;
     }
 
     fn scale(&self, metric: &str) -> Scale {

@@ -72,16 +72,24 @@ fn the_pages_work_in_a_browser() {
     let folder = tempfile::tempdir().unwrap();
     let render = |name: &str| {
         let out = folder.path().join(name);
-        run(&[&scene(name), "--size", "160x90", "--spp", "4", "--intervals"], &out);
+        run(&[&scene(name), "--size", "160x90", "--spp", "4", "--intervals", "--layers", "aov"], &out);
         out
     };
     let (wide, narrow) = (render("mirror-gap-wide"), render("mirror-gap-narrow"));
     let exr = |out: &Path, name: &str| out.join(format!("{name}.exr")).to_string_lossy().into_owned();
     run(&["compare", &exr(&wide, "mirror-gap-wide"), &exr(&narrow, "mirror-gap-narrow")], folder.path());
+    // What a change does has the same page; the file's own names, without layers for them.
+    let wide_scene = scene("mirror-gap-wide");
+    let change = ["--max-depth", "3", "--size", "96x54", "--spp", "4", "--repeats", "0", "--tree-noise", "0"];
+    run(&[&["whatif", &wide_scene][..], &change[..]].concat(), folder.path());
+    // An EXR alone is enough for names.
+    run(&["report", &exr(&wide, "mirror-gap-wide")], &folder.path().join("report"));
 
     let pages = [
         (wide.join("mirror-gap-wide.html"), include_str!("render.js"), 20),
-        (folder.path().join("compare.html"), include_str!("compare.js"), 8),
+        (folder.path().join("report").join("mirror-gap-wide.html"), include_str!("render.js"), 20),
+        (folder.path().join("compare.html"), include_str!("compare.js"), 15),
+        (folder.path().join("mirror-gap-wide.whatif.html"), include_str!("compare.js"), 15),
     ];
     for (page, script, least) in pages {
         for size in [(1280, 720), (390, 844)] {

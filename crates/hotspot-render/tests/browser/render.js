@@ -7,6 +7,10 @@ finished(async () => {
   point("pointermove", frames[1], ...second);
   check("hover changes the read-out", text("#readout") !== here && /x \d+ {2}y \d+/.test(text("#readout")));
   check("the read-out names the object", text("#readout .where b").length > 0);
+  check("and its material", text("#readout .where .material").length > 0);
+  const [columns, rows] = [one("#heat").width, one("#heat").height];
+  check("it reads the pixel under the pointer", text("#readout .xy") === `x ${Math.floor(second[0] * columns)}  y ${Math.floor(second[1] * rows)}`);
+  check("the legend marks the value", one("#legend .here").style.left !== "");
   check("the read-out gives percentiles", /above [\d.]+\s%/.test(text("#readout")));
   point("click", frames[1], ...second);
   point("pointermove", frames[1], ...first);
@@ -74,9 +78,18 @@ finished(async () => {
   check("and the others are dimmed", bright > 15 && dark > 15);
   button.click();
   check("a second click takes it back", mask.hidden && frames[0].querySelector(".spot").hidden);
-  for (const row of document.querySelectorAll(".ledger button:not(:disabled)")) {
+  const ledger = [...document.querySelectorAll(".ledger button:not(:disabled)")];
+  check("objects and materials of the ledgers can be shown", ["objects", "materials"].every((kind) => ledger.some((row) => row.dataset.kind === kind)));
+  for (const row of ledger) {
     row.click();
     check(`the ledger's row ${row.textContent} can be shown`, row.getAttribute("aria-pressed") === "true");
+    // A pixel that stays bright shows what the row names.
+    const lit = mask.getContext("2d").getImageData(0, 0, columns, rows).data;
+    let at = 0;
+    while (at < columns * rows && lit[at * 4 + 3] === 165) at++;
+    point("pointermove", frames[0], ((at % columns) + 0.5) / columns, (Math.floor(at / columns) + 0.5) / rows);
+    const shown = text(row.dataset.kind === "materials" ? "#readout .where .material" : "#readout .where b");
+    check(`and lights the pixels of ${row.textContent}, not of ${shown}`, !mask.hidden && shown === row.textContent);
     row.click();
   }
 });

@@ -126,7 +126,7 @@ pub(crate) fn run(args: &WhatIfArgs) -> Result<(), Fail> {
     let scene = args.open.load()?;
     // Refused before anything is rendered.
     apply(&scene, &edits).map_err(|error| edits::refused(&scene, &error))?;
-    let writer = Writer::new(&args.output, &args.views)?;
+    let mut writer = Writer::new(&args.output, &args.views)?;
     let film = FilmArgs { max_depth: args.base_max_depth, ..args.film.clone() };
     let mut stage = Stage::new(&scene, &args.open, &film)?;
     if args.film.size.is_none() {
@@ -199,6 +199,7 @@ pub(crate) fn run(args: &WhatIfArgs) -> Result<(), Fail> {
         json: whatif.to_json(),
         suggestions: &whatif.suggestions,
     };
+    writer.shows(crate::seen::names(&run.stage, &a.settings, &a.rendered.frame, &talker));
     let page = writer.pair(&side_a, &side_b, &whatif.comparison, pair)?;
     for file in &page.files {
         talker.say(&format!("wrote {file}"));
