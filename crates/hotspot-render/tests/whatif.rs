@@ -52,8 +52,10 @@ fn without_a_change_there_is_nothing_to_do() {
 #[test]
 fn taking_the_only_light_away_is_told_and_leaves_the_dark() {
     let words = ["--delete", "Ceiling light", "--size", "16x16", "--repeats", "0", "--tree-noise", "0"];
-    let (code, said, json) = run("cornell-box-red", &words);
+    let (code, said, json) = run("cornell-box-red", &[&words[..], &["--base-max-depth", "3"]].concat());
     assert_eq!(code, Some(0), "{said}");
+    // The depth before is also that after.
+    assert_eq!(json["change"]["options"].as_array().map(Vec::len), Some(1), "{}", json["change"]);
     assert!(said.contains("no light is left"), "{said}");
     assert!(json["image"]["relmse"].as_f64().unwrap() > 0.1, "{}", json["image"]);
 }

@@ -30,7 +30,11 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(
     mut_arg("size", |arg| arg.help("Size in pixels [default: 480 on the long edge, at the camera's aspect]")),
-    mut_arg("max_depth", |arg| arg.help("Most scattering events of a path after the change")),
+    mut_arg("max_depth", |arg| {
+        arg.help("Most scattering events of a path after the change [default: as before]")
+            .default_value("4294967295")
+            .hide_default_value(true)
+    }),
     mut_arg("adaptive", |arg| arg.hide(true))
 )]
 pub(crate) struct WhatIfArgs {
@@ -80,6 +84,13 @@ pub(crate) struct WhatIfArgs {
     pub(crate) talk: TalkArgs,
 }
 
+impl WhatIfArgs {
+    /// Most scattering events after the change: the default of `--max-depth` here is the largest number, for as before.
+    const fn depth(&self) -> u32 {
+        if self.film.max_depth == u32::MAX { self.base_max_depth } else { self.film.max_depth }
+    }
+}
+
 /// The scene as it is on its stage, and what every render of it has in common.
 struct Run<'a> {
     args: &'a WhatIfArgs,
@@ -106,7 +117,7 @@ impl Version {
 
 pub(crate) fn run(args: &WhatIfArgs) -> Result<(), Fail> {
     let mut edits = edits::of(args);
-    let mut depth = args.film.max_depth;
+    let mut depth = args.depth();
     let changed = !edits.is_empty() || depth != args.base_max_depth;
     if !changed && !args.suggest {
         return Err(Fail::usage(
