@@ -40,7 +40,7 @@ fn a_sphere_over_a_plane() {
         let e = forms::convex_mesh(&ball, [0.0; 3], UP);
         let curved = forms::sphere(center, radius, UP);
         assert!((e / curved - 1.0).abs() < TESSELLATION, "{what}: mesh {e}, sphere {curved}");
-        assert_lit(&lit_floor().with(ball, light([1.0; 3])), e, 2048, &what);
+        assert_lit(&lit_floor().with(ball, light([1.0; 3])), e, 1024, &what);
     }
 }
 
