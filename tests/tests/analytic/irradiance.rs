@@ -70,7 +70,7 @@ fn a_disk_over_a_plane() {
     }
 }
 
-/// A rectangle over the point by its four corners (B-5), from far to so near that it fills all but 0.1 % of the half space.
+/// A rectangle over the point by its four corners (B-5), from far to so near that it gives 95 % of what the whole half space would.
 #[test]
 fn a_rectangle_over_a_plane() {
     for (height, [left, right, front, back]) in [
