@@ -48,6 +48,6 @@ fn a_lamp_and_its_image() {
         let [itself, image] = [lamp, image].map(|c| 3.0 * lambert(&c, [0.0; 3], [0.0, 1.0, 0.0]).abs());
         let expected = r.map(|r| f64::from(0.6f32) / PI * (itself + f64::from(r) * image));
         let what = format!("lamp at {center:?}");
-        measure(&scene, &pencil([3.9, 0.3, 0.2], [0.0; 3]), 2, 2048).assert_near(expected, SIGMA, &what);
+        measure(&scene, &pencil([3.9, 0.3, 0.2], [0.0; 3]), 2, 512).assert_near(expected, SIGMA, &what);
     }
 }

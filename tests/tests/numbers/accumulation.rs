@@ -4,7 +4,7 @@ use hotspot_cost::FilmPixel;
 use hotspot_tests::picture::{frame, settings};
 use hotspot_tests::world::{Random, World, light, pencil, rectangle};
 
-/// What the row asks for; f64 sums keep a thousand times more.
+/// What is asked for; f64 sums keep ten thousand times more.
 const WITHIN: f64 = 1e-5;
 
 /// A lamp that fills the pixel, a million times; in halves as well.
@@ -20,7 +20,7 @@ fn a_million_samples_of_one_radiance() {
         assert_eq!(film.samples, 1_000_000);
         for (sum, radiance) in film.sum.into_iter().zip(radiance) {
             let off = (sum / 1e6 / f64::from(radiance) - 1.0).abs();
-            assert!(off < WITHIN && off < 1e-9, "intervals {intervals}: off by {off:e}");
+            assert!(off < WITHIN * 1e-4, "intervals {intervals}: off by {off:e}");
         }
     }
 }
@@ -43,7 +43,7 @@ fn a_million_samples_of_all_sizes() {
     }
     let exact = sum + carried;
     let off = (film.sum[0] / exact - 1.0).abs();
-    assert!(off < WITHIN && off < 1e-11, "off by {off:e}");
+    assert!(off < WITHIN * 1e-6, "off by {off:e}");
     // Sums in f32 would not do.
     assert!((f64::from(single) / exact - 1.0).abs() > WITHIN);
 }

@@ -100,7 +100,7 @@ fn where_gaps_end() {
     for turned in [false, true] {
         for exponent in 10..=36 {
             let gap = 10f64.powf(-f64::from(exponent) / 4.0 - 1.0);
-            if gap > 2e-5 || gap < 2e-8 {
+            if !(2e-8..=2e-5).contains(&gap) {
                 continue;
             }
             let (mean, sigma) = glow(gap, turned, 256).0[0];
