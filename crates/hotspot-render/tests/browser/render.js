@@ -35,6 +35,7 @@ finished(async () => {
   const title = text("#legend .title");
   press("2");
   check("a number key chooses another map", text("#legend .title") !== title && picture("#heat") !== heat);
+  check("and the read-out marks it", one("#choices [aria-pressed=true]").textContent.endsWith(text("#readout .cell.on .label")));
   one("#choices button").click();
   check("its button chooses the first again", text("#legend .title") === title && picture("#heat") === heat);
   const list = one("#choices select");
