@@ -30,7 +30,7 @@ fn full() -> Document {
     document.repairs = vec![note];
     let totals = [("nodes".to_owned(), 0.01)].into();
     document.render.stopped = Some(Stopped::TargetError);
-    document.depth_limit = crate::DepthLoss::of(&frame, 15);
+    document.depth_limit = DepthLoss::of(&frame, 15);
     document.tree_noise = Some(crate::TreeNoise { trees: 5, samples_per_pixel: 4, totals });
     document.views = vec![View {
         file: "x.png".to_owned(),
