@@ -33,6 +33,7 @@ fn it_stops_where_the_estimate_says_at_any_thread_count() {
             assert!(json["estimated_relmse"].as_f64().unwrap() <= 2e-2);
             let samples = json["samples_per_pixel"].as_u64().unwrap();
             assert!((8..4096).contains(&samples), "{samples}");
+            assert_eq!(json["render"]["stopped"], "target_error");
             digests.push((samples, json["digest"].clone()));
         }
         assert_eq!(digests[0], digests[1]);
@@ -45,6 +46,7 @@ fn samples_and_seconds_are_the_most() {
     let (output, json) = run(folder.path(), &["--target-error", "1e-9", "--spp", "12"]);
     assert!(output.status.success() && said(&output).contains("not reached"), "{}", said(&output));
     assert_eq!(json["samples_per_pixel"], 12);
+    assert_eq!(json["render"]["stopped"], "samples");
     let (output, json) = run(folder.path(), &["--target-error", "1e-9", "--time-limit", "0.2"]);
     assert!(
         output.status.success() && said(&output).contains("stopped by --time-limit"),
@@ -52,6 +54,15 @@ fn samples_and_seconds_are_the_most() {
         said(&output)
     );
     assert!(json["samples_per_pixel"].as_u64().unwrap() >= 1);
+    assert_eq!(json["render"]["stopped"], "time_limit");
+    // One sample tells nothing of its error, and that is said.
+    let (output, json) = run(folder.path(), &["--target-error", "1e-2", "--spp", "1"]);
+    assert!(
+        output.status.success() && said(&output).contains("the error cannot be told"),
+        "{}",
+        said(&output)
+    );
+    assert!(json["estimated_relmse"].is_null());
     assert!(folder.path().join("cornell-box-red.cost.rays.png").exists());
 }
 
@@ -62,5 +73,26 @@ fn bad_targets_are_refused() {
         let (output, json) = run(folder.path(), &words);
         assert_eq!(output.status.code(), Some(2), "{words:?}");
         assert!(said(&output).contains("1e-3") && json.is_null());
+    }
+}
+
+/// Progress towards a target is not measured by the most samples: once the first estimate is there, the share done is well above
+/// what it is of 65536 samples, and the time left is unknown before.
+#[test]
+fn progress_goes_by_the_target() {
+    let folder = tempfile::tempdir().unwrap();
+    let words = ["--target-error", "2e-4", "--json-progress", "--metrics", "none"];
+    let (output, json) = run(folder.path(), &words);
+    assert!(output.status.success(), "{}", said(&output));
+    let lines: Vec<serde_json::Value> =
+        said(&output).lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+    let samples = json["samples_per_pixel"].as_f64().unwrap();
+    // A fast machine may be done before a line is due.
+    for line in &lines {
+        if line["seconds_left"].is_null() {
+            assert_eq!(line["progress"], 0.0, "{line}");
+        } else if line.get("estimated_relmse").is_some() {
+            assert!(line["progress"].as_f64().unwrap() > 4.0 * 8.0 / 65536.0, "{line} of {samples} samples");
+        }
     }
 }
