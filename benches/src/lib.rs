@@ -53,10 +53,12 @@ pub struct Variant {
     pub intervals: bool,
     /// Count on so many samples only.
     pub cost_spp: Option<u32>,
+    /// Book the counts by what sent and by what was met.
+    pub ledgers: bool,
 }
 
 const fn variant(name: &'static str, gather: Gather) -> Variant {
-    Variant { name, gather, intervals: false, cost_spp: None }
+    Variant { name, gather, intervals: false, cost_spp: None, ledgers: false }
 }
 
 /// Counting without the clock: the kernel behind `rays`, `intersection`, `shading` and `cause`, which differ only in what
@@ -65,16 +67,14 @@ const COUNTERS: Gather = Gather { time: false, ..Gather::ALL };
 const CLOCK: Gather = Gather { cost: false, ..Gather::ALL };
 
 /// The metric groups, from none to everything. The first is the baseline.
-pub const VARIANTS: [Variant; 9] = [
+pub const VARIANTS: [Variant; 7] = [
     variant("none", Gather::RADIANCE),
     variant("time", CLOCK),
-    variant("rays", COUNTERS),
-    variant("intersection", COUNTERS),
-    variant("shading", COUNTERS),
-    variant("cause", COUNTERS),
-    variant("all", Gather::ALL),
-    Variant { name: "all, intervals", gather: Gather::ALL, intervals: true, cost_spp: None },
-    Variant { name: "all, cost-spp 8", gather: Gather::ALL, intervals: false, cost_spp: Some(8) },
+    variant("rays, intersection, shading, cause", COUNTERS),
+    variant("the same and time", Gather::ALL),
+    Variant { ledgers: true, ..variant("all: with ledgers", Gather::ALL) },
+    Variant { ledgers: true, intervals: true, ..variant("all, --intervals", Gather::ALL) },
+    Variant { ledgers: true, cost_spp: Some(8), ..variant("all, --cost-spp 8", Gather::ALL) },
 ];
 
 /// Cost without the picture: the paper's shortcut (section 4) casts no shadow rays where ray counts are all that is asked
@@ -97,5 +97,6 @@ pub fn run(subject: &Subject, size: u32, spp: u32, variant: &Variant) -> Rendere
     settings.gather = variant.gather;
     settings.intervals = variant.intervals;
     settings.cost_spp = variant.cost_spp;
+    settings.ledgers = variant.ledgers;
     render(&subject.scene, &subject.camera, &settings, Control::default())
 }

@@ -42,6 +42,9 @@ use std::collections::BTreeMap;
 /// The schema of [`Comparison`].
 pub const SCHEMA: &str = "hotspot-compare/1";
 
+/// The JSON Schema of [`Comparison`].
+pub const JSON_SCHEMA: &str = include_str!("../schema/hotspot-compare-1.schema.json");
+
 /// Rate of false discoveries among flagged tiles.
 pub const FALSE_DISCOVERY_RATE: f64 = 0.05;
 
@@ -77,7 +80,8 @@ pub struct Comparison {
     /// Gates and whether they tripped.
     pub gates: Vec<GateResult>,
     /// Planes to draw: `diff.<metric>` = b − a; `relative.<metric>` = (b − a)/a, 0 where a is 0; with halves
-    /// `significant.<metric>`: 1 in tiles that changed, 0 elsewhere. Not part of the JSON.
+    /// `significant.<metric>`: 1 in tiles that changed, 0 elsewhere, and `p_value.<metric>`: each tile's own p-value, not
+    /// adjusted for the number of tiles. Not part of the JSON.
     #[serde(skip)]
     pub layers: Layers,
 }
@@ -101,8 +105,13 @@ pub struct TotalChange {
     pub ci_kind: CiKind,
     /// Whether the interval leaves out 0; null without one.
     pub significant: Option<bool>,
+    /// Two-sided probability of a change at least this large where nothing changed: below 0.05 exactly when `significant`,
+    /// up to the rounding of planes. Not adjusted for the number of metrics looked at.
+    pub p_value: Option<f64>,
     /// Standard error of `relative` from sampling alone; absent where there are no halves.
     pub sampling_error: Option<f64>,
+    /// Its degrees of freedom.
+    pub sampling_dof: Option<f64>,
     /// Standard error of `relative` from the luck of the trees; absent where it is not known.
     pub tree_error: Option<f64>,
     /// Σ over A's paths, from its document.
@@ -187,12 +196,13 @@ impl Comparison {
                         if valid { [difference(a, b), difference(half_a, half_b)] } else { [0.0; 2] }
                     })
                     .collect();
-                let flags = tiles::test(
+                let tiles::Tested { flags, p_values } = tiles::test(
                     sides.a.layers.width,
                     sides.a.layers.height,
                     &differences,
                     &trees.tiles(sides, metric),
                 );
+                self.layers.insert(format!("p_value.{name}"), p_values);
                 tests.tested = Some(differences.len() as u64);
                 tests.significant = Some(flags.iter().filter(|flag| **flag).count() as u64);
                 let plane = flags.into_iter().map(|flag| if flag { 1.0 } else { 0.0 }).collect();
@@ -233,6 +243,7 @@ fn change(sides: &Sides<'_>, trees: &trees::Trees<'_>, metric: Metric) -> TotalC
     change.ci_kind = kind;
     if a != 0.0 {
         change.sampling_error = (kind == CiKind::Halves).then(|| variance.sum().sqrt() / a.abs());
+        change.sampling_dof = (kind == CiKind::Halves).then(|| variance.dof());
     }
     let of_trees = trees.totals(metric, b);
     for (of_tree, dof) in of_trees.iter().flatten() {
@@ -243,6 +254,7 @@ fn change(sides: &Sides<'_>, trees: &trees::Trees<'_>, metric: Metric) -> TotalC
     }
     // Planes are rounded to f32: what lies below that is no change.
     let rounding = f64::from(f32::EPSILON) * a.abs().max(b.abs());
+    change.p_value = Some(if change.delta.abs() <= rounding { 1.0 } else { variance.p_value(change.delta) });
     match change.relative {
         Some(relative) => {
             let width = (variance.half_width95() + rounding) / a.abs();

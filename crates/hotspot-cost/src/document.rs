@@ -4,6 +4,7 @@
 //! know and take absent ones as empty, so that keys can be added without a new version; a key never changes its meaning.
 //! Integer sums are written exactly. Times are in seconds, memory in bytes, shares of 1.
 
+use crate::depth_cut::DepthLoss;
 use crate::digest::Digest;
 use crate::error::{self, Error};
 use crate::frame::Frame;
@@ -67,6 +68,9 @@ pub struct Document {
     pub estimated_relmse: Option<f64>,
     /// Where that comes from: conservative means that it is too large.
     pub estimated_relmse_kind: CiKind,
+    /// What the depth limit did, where paths were counted and radiance gathered.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub depth_limit: Option<DepthLoss>,
     /// Fingerprints of the sums.
     pub digest: Digest,
     /// Cost by what sent and by what was visited, when gathered.

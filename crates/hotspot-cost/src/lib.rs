@@ -34,6 +34,8 @@ pub mod calibration;
 pub mod compare;
 pub mod convergence;
 mod counter;
+pub mod cryptomatte;
+mod depth_cut;
 mod digest;
 pub mod document;
 mod error;
@@ -67,6 +69,7 @@ pub mod report;
 
 pub use compare::{Comparison, Side, compare, compare_over_trees};
 pub use counter::{Cause, Counter};
+pub use depth_cut::{DepthCut, DepthLoss};
 pub use digest::Digest;
 pub use document::Document;
 pub use error::{Error, Result};

@@ -8,6 +8,7 @@
 //! split into passes.
 
 use crate::counter::{Cause, Counter};
+use crate::depth_cut::DepthCut;
 use hotspot_probe::{NONE, Probe, RayKind, RayProbe, Spawner};
 
 /// A rectangle of pixels.
@@ -99,6 +100,8 @@ pub struct CostPixel {
     pub squares: [f64; 4],
     /// Σ over paths of the throughput's largest component at the path's end, before roulette's compensation.
     pub throughput: f64,
+    /// What the depth limit cut.
+    pub cut: DepthCut,
     /// Counted camera samples.
     pub samples: u64,
     /// Nanoseconds spent on the pixel, over `time_samples` camera samples.
@@ -115,6 +118,7 @@ impl Default for CostPixel {
             counts: [0; Counter::COUNT],
             squares: [0.0; 4],
             throughput: 0.0,
+            cut: DepthCut::default(),
             samples: 0,
             time_ns: 0,
             time_samples: 0,
@@ -146,6 +150,7 @@ impl CostPixel {
             *sum += value;
         }
         self.throughput += other.throughput;
+        self.cut.add(&other.cut);
         self.samples += other.samples;
         self.time_ns += other.time_ns;
         self.time_samples += other.time_samples;
@@ -304,6 +309,7 @@ struct PathCounts {
     texture: u64,
     texture_bytes: u64,
     alpha_tests: u64,
+    cut: DepthCut,
 }
 
 /// The counts of one or more rays.
@@ -380,6 +386,13 @@ impl PathRecorder<'_> {
         pixel.squares[2] += shapes * shapes;
         pixel.squares[3] += nodes * shapes;
         pixel.throughput += f64::from(end.throughput);
+        if end.cause == Cause::DepthLimit {
+            pixel.cut.throughput += f64::from(end.throughput);
+        }
+        // Radiance that is not finite counts as none.
+        if end.brought_radiance {
+            pixel.cut.add(&path.cut);
+        }
         if pixel.samples == 0 {
             pixel.first_object = end.first_object;
         }
@@ -415,6 +428,11 @@ impl Probe for PathRecorder<'_> {
     fn texture(&mut self, lookups: u32, bytes: u32) {
         self.path.texture += u64::from(lookups);
         self.path.texture_bytes += u64::from(bytes);
+    }
+
+    #[inline(always)]
+    fn light(&mut self, left: u32, luminance: f32) {
+        self.path.cut.arrive(left, luminance);
     }
 }
 

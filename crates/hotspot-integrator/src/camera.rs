@@ -46,6 +46,17 @@ impl FilmCamera {
             (self.origin, (self.forward + offset).normalize())
         }
     }
+
+    /// The ray through the point (u, v) of pixel (x, y), each in [0, 1), on a film of that many pixels.
+    #[inline(always)]
+    pub(crate) fn ray_of(
+        &self,
+        (x, y): (u32, u32),
+        [u, v]: [f32; 2],
+        (width, height): (u32, u32),
+    ) -> (Vec3, Vec3) {
+        self.ray((x as f32 + u) / width as f32, (y as f32 + v) / height as f32)
+    }
 }
 
 /// A camera that sees the whole box (`min`, `max`) from a three-quarter view, for files that bring none.

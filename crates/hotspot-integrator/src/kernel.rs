@@ -252,10 +252,8 @@ fn sample<S: Simd, P: Probe, C: Class>(
     probe: &mut P,
 ) -> PathResult {
     let [u, v, light @ ..] = sampler.get(Dimensions::segment(0));
-    let film_x = (x as f32 + u) / kernel.width as f32;
-    let film_y = (y as f32 + v) / kernel.height as f32;
-    let (origin, direction) = kernel.camera.ray(film_x, film_y);
-    trace::<S, P, C>(simd, kernel.scene, &kernel.path, (origin, direction), light, sampler, probe)
+    let ray = kernel.camera.ray_of((x, y), [u, v], (kernel.width, kernel.height));
+    trace::<S, P, C>(simd, kernel.scene, &kernel.path, ray, light, sampler, probe)
 }
 
 #[cfg(test)]

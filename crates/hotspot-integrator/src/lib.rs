@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod adaptive;
+mod aov;
 mod bsdf;
 mod camera;
 mod cast;
@@ -23,6 +24,7 @@ mod soundings;
 mod surface;
 mod texture;
 
+pub use aov::{FIRST_HIT_BYTES, FirstHit, add_first_hits, first_hits};
 pub use camera::frame_bounds;
 #[cfg(hotspot_ablation)]
 pub use class::Feature;

@@ -22,6 +22,9 @@ use hotspot_bvh::simd::Simd;
 use hotspot_cost::Cause;
 use hotspot_probe::{NONE, Probe, RayKind, Spawner};
 
+/// Rec.709.
+const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
+
 /// Settings of the loop.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathSettings<'a> {
@@ -92,7 +95,9 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
                 if let Some(learned) = learned {
                     pdf = learned.pdf_environment(&scene.lights, &scattered.from, -wo, pdf);
                 }
-                radiance += throughput * environment * power_heuristic(scattered.pdf, pdf);
+                let found = throughput * environment * power_heuristic(scattered.pdf, pdf);
+                tell(probe, found, settings.max_depth - bounces);
+                radiance += found;
             }
             return end(radiance, Cause::Escaped, throughput, first_object);
         };
@@ -129,14 +134,18 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
                     pdf_area = learned.pdf_area(&scene.lights, &scattered.from, hit.primitive, pdf_area);
                 }
                 let light_pdf = area_to_solid_angle(pdf_area, hit.t * hit.t, cos);
-                radiance += throughput * emission * power_heuristic(scattered.pdf, light_pdf);
+                let found = throughput * emission * power_heuristic(scattered.pdf, light_pdf);
+                tell(probe, found, settings.max_depth - bounces);
+                radiance += found;
             }
         }
         if C::TEXTURED
             && has::<C>(Feature::Unlit)
             && let hotspot_scene::Bsdf::Unlit { color: shown } = &material.bsdf
         {
-            radiance += throughput * color(&scene.textures, shown, &attributes, probe) * attributes.tint;
+            let found = throughput * color(&scene.textures, shown, &attributes, probe) * attributes.tint;
+            tell(probe, found, settings.max_depth - bounces);
+            radiance += found;
             return end(radiance, Cause::Absorbed, throughput, first_object);
         }
         if bounces >= settings.max_depth {
@@ -178,7 +187,9 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
                 },
                 probe,
             );
-            radiance += throughput * direct;
+            let found = throughput * direct;
+            tell(probe, found, settings.max_depth - bounces - 1);
+            radiance += found;
         }
 
         probe.bsdf(1);
@@ -225,6 +236,14 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
             kind: RayKind::Bounce,
             light: NONE,
         };
+    }
+}
+
+/// Tells a probe that listens of light found after so many scattering events that `left` more would have been allowed.
+#[inline(always)]
+fn tell<P: Probe>(probe: &mut P, found: Vec3, left: u32) {
+    if P::ON {
+        probe.light(left, found.dot(LUMINANCE));
     }
 }
 

@@ -111,6 +111,12 @@ pub trait Probe {
     fn bsdf(&mut self, evaluations: u32);
     /// `lookups` texture look-ups touched `bytes` bytes of texels.
     fn texture(&mut self, lookups: u32, bytes: u32);
+    /// The path found light, `luminance` per camera sample after all weights, that the depth limit would have let scatter
+    /// `left` times more.
+    #[inline(always)]
+    fn light(&mut self, left: u32, luminance: f32) {
+        let _ = (left, luminance);
+    }
 }
 
 /// Listens to nothing and costs nothing.

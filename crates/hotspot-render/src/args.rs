@@ -151,7 +151,7 @@ pub(crate) struct RenderArgs {
     /// --spp is the most samples then [default: 65536]
     #[arg(long, value_name = "E", value_parser = parse_error, conflicts_with_all = ["adaptive", "no_radiance"])]
     pub(crate) target_error: Option<f64>,
-    /// Further layers in the EXR: var (upper bounds of the variances)
+    /// Further layers in the EXR: var (upper bounds of the variances), aov (albedo, normal, depth and Cryptomatte)
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',')]
     pub(crate) layers: Vec<LayersArg>,
     #[command(flatten)]
@@ -304,6 +304,8 @@ pub(crate) enum MapsArg {
 pub(crate) enum LayersArg {
     /// Upper bounds of the variances
     Var,
+    /// What the camera sees first: albedo, normal, depth, Cryptomatte of objects and materials
+    Aov,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

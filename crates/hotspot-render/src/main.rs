@@ -13,6 +13,7 @@ mod open;
 mod output;
 mod progress;
 mod say;
+mod seen;
 mod stage;
 mod trees;
 

@@ -8,11 +8,12 @@ use crate::open::{SceneArgs, default_size};
 use crate::progress::Talker;
 use hotspot_cost::document::{Note, Tree};
 use hotspot_cost::hotspots::Sounding;
-use hotspot_cost::{Document, LayerOptions};
-use hotspot_integrator::{Control, RenderScene, Rendered, Settings, render, sound};
+use hotspot_cost::{Document, Frame, LayerOptions};
+use hotspot_integrator::{Control, FirstHit, RenderScene, Rendered, Settings, first_hits, render, sound};
 use hotspot_scene::{Camera, Environment, Repair, Scene};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::sync::atomic::AtomicBool;
 
 /// A scene ready to be rendered any number of times.
 pub(crate) struct Stage<'a> {
@@ -104,10 +105,20 @@ impl<'a> Stage<'a> {
 
     /// Refuses frames that would not fit, before anything is allocated. `frames`: how many are held at once.
     pub(crate) fn check_memory(&self, intervals: bool, frames: u64) -> Result<(), Fail> {
+        self.check_memory_beside(intervals, frames, 0)
+    }
+
+    /// The same where `beside` bytes per pixel are wanted beside the frames.
+    pub(crate) fn check_memory_beside(
+        &self,
+        intervals: bool,
+        frames: u64,
+        beside: u64,
+    ) -> Result<(), Fail> {
         let (width, height, limit) = (self.width, self.height, self.open.max_memory);
         // Sums in f64 and u64, then planes in f32, then the EXR writer's copy: about 800 bytes per pixel and half.
-        let bytes =
-            (u64::from(width) * u64::from(height) * 800 * (1 + u64::from(intervals))).saturating_mul(frames);
+        let per_pixel = (800 * (1 + u64::from(intervals))).saturating_mul(frames).saturating_add(beside);
+        let bytes = (u64::from(width) * u64::from(height)).saturating_mul(per_pixel);
         if bytes > limit.saturating_mul(1 << 20) {
             return Err(Fail::usage(format!(
                 "{width} x {height} pixels with every layer need about {} MiB, more than --max-memory {limit}; \
@@ -150,6 +161,18 @@ impl<'a> Stage<'a> {
                 self.repairs.len() - 8
             ));
         }
+    }
+
+    /// What the camera sees first, of at most `most` samples of each pixel; `None` when interrupted.
+    pub(crate) fn first_hits(
+        &self,
+        settings: &Settings,
+        frame: &Frame,
+        most: u64,
+        cancel: &AtomicBool,
+    ) -> Option<Vec<FirstHit>> {
+        let (scene, camera) = (&self.prepared, &self.camera);
+        self.pool.install(|| first_hits(scene, camera, settings, frame, most, Some(cancel)))
     }
 
     /// The document of a render on this stage. Settings and hotspots are the caller's to add.

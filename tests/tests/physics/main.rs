@@ -9,6 +9,7 @@ mod bumps;
 mod closed;
 mod cutouts;
 mod default_light;
+mod depth;
 mod emitters;
 mod environment;
 mod furnace;

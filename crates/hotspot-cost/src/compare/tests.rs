@@ -43,6 +43,35 @@ fn nodes(a: &Layers, b: &Layers) -> (TotalChange, PixelTests, Comparison) {
     (comparison.totals["nodes"], comparison.pixels["nodes"], comparison)
 }
 
+/// A probability below 5 % is a significant change, and the document is what its schema says.
+#[test]
+fn probabilities_agree_with_verdicts_and_documents_with_their_schema() {
+    let mut random = Random::new(3);
+    let (mut seen, mut last) = ([0, 0], Comparison::default());
+    for step in 0..40 {
+        let raised = Model { level: 100.0 + 0.02 * f64::from(step), noise: 3.0 };
+        let (a, b) = (NOISY.render(&mut random), raised.render(&mut random));
+        let (change, _, comparison) = nodes(&a, &b);
+        let p = change.p_value.unwrap();
+        assert_eq!(change.significant, Some(p < 0.05), "{change:?}");
+        seen[usize::from(p < 0.05)] += 1;
+        let flags = comparison.layers.plane("significant.nodes").unwrap();
+        let p_values = comparison.layers.plane("p_value.nodes").unwrap();
+        let of = |flag: f32| flags.iter().zip(p_values).filter(move |(f, _)| **f == flag).map(|(_, p)| *p);
+        assert!(of(1.0).fold(0.0, f32::max) <= of(0.0).fold(1.0, f32::min));
+        last = comparison;
+    }
+    assert!(seen.iter().all(|count| *count > 3), "{seen:?}");
+    last.gates = vec![last.gate(&Gate::parse("nodes=2%").unwrap())];
+    for change in last.totals.values_mut() {
+        (change.sum_a, change.sum_b, change.tree_error) =
+            (Some(Sum::Exact(3)), Some(Sum::Real(4.5)), Some(0.01));
+    }
+    last.notes.push("x".into());
+    let value: serde_json::Value = serde_json::from_str(&last.to_json()).unwrap();
+    crate::document::tests::agree(&value, &serde_json::from_str(JSON_SCHEMA).unwrap());
+}
+
 const NOISY: Model = Model { level: 100.0, noise: 3.0 };
 
 #[test]

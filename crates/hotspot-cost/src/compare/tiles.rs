@@ -3,12 +3,24 @@
 use crate::analysis::TILE;
 use crate::student::Variance;
 
-/// Flags every pixel whose 8 × 8 tile changed. `differences` holds for each pixel (b − a, half_b − half_a); `trees` the
+/// What was found, pixel by pixel.
+pub(super) struct Tested {
+    /// Whether the pixel's tile changed.
+    pub(super) flags: Vec<bool>,
+    /// The tile's p-value.
+    pub(super) p_values: Vec<f32>,
+}
+
+/// Tests every 8 × 8 tile. `differences` holds for each pixel (b − a, half_b − half_a); `trees` the
 /// standard deviation over trees of the tile's mean, in each pixel of it, with its degrees of freedom.
-pub(super) fn test(width: u32, height: u32, differences: &[[f64; 2]], trees: &[(&[f32], f64)]) -> Vec<bool> {
+pub(super) fn test(width: u32, height: u32, differences: &[[f64; 2]], trees: &[(&[f32], f64)]) -> Tested {
     let (p_values, tile) = p_values(width, height, differences, trees);
     let limit = benjamini_hochberg(&p_values, super::FALSE_DISCOVERY_RATE);
-    (0..differences.len()).map(|index| p_values[tile(index)] <= limit).collect()
+    let of_pixels = || (0..differences.len()).map(|index| p_values[tile(index)]);
+    Tested {
+        flags: of_pixels().map(|p| p <= limit).collect(),
+        p_values: of_pixels().map(|p| p as f32).collect(),
+    }
 }
 
 /// The p-value of each tile, and the tile of a pixel.
@@ -92,7 +104,7 @@ mod tests {
                 [if x >= 16 && y >= 8 { 1.0 } else { 0.0 } + half, half]
             })
             .collect();
-        let flags = test(20, 12, &differences, &[]);
+        let flags = test(20, 12, &differences, &[]).flags;
         for (index, flag) in flags.iter().enumerate() {
             assert_eq!(*flag, index % 20 >= 16 && index / 20 >= 8, "pixel {index}");
         }

@@ -188,6 +188,11 @@ impl Probe for BookedPath<'_> {
     fn texture(&mut self, lookups: u32, bytes: u32) {
         self.path.texture(lookups, bytes);
     }
+
+    #[inline(always)]
+    fn light(&mut self, left: u32, luminance: f32) {
+        self.path.light(left, luminance);
+    }
 }
 
 /// A ray that is booked and counted.

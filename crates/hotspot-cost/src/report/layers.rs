@@ -228,10 +228,11 @@ pub(super) fn parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + S
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-/// Objects under the pixels: only the names that occur. `Null` when the plane does not fit the picture.
+/// Objects under the pixels: only the names that occur, with the indices that ledgers know them by. `Null` when the plane does not fit the picture.
 pub(super) fn objects(width: u32, height: u32, layer: &ObjectLayer<'_>) -> Value {
     let mut order: BTreeMap<u32, u16> = BTreeMap::new();
     let mut names = vec![String::new()];
+    let mut ids_of = vec![Value::Null];
     let ids: Vec<u16> = layer
         .ids
         .iter()
@@ -242,13 +243,14 @@ pub(super) fn objects(width: u32, height: u32, layer: &ObjectLayer<'_>) -> Value
             }
             let Ok(place) = u16::try_from(names.len()) else { return 0 };
             names.push(short(name, NAME));
+            ids_of.push(json!(id));
             order.insert(*id, place);
             place
         })
         .collect();
     match codec::identifiers(width, height, &ids) {
         Value::Null => Value::Null,
-        plane => json!({ "plane": plane, "names": names }),
+        plane => json!({ "plane": plane, "names": names, "ids": ids_of }),
     }
 }
 
@@ -262,6 +264,7 @@ mod tests {
         let names = (0..10).map(|i| format!("object {i}")).collect();
         let value = objects(3, 2, &ObjectLayer { ids: &ids, names });
         assert_eq!(value["names"], json!(["", "object 7", "object 2"]));
+        assert_eq!(value["ids"], json!([null, 7, 2]));
         assert_eq!(codec::tests::unpack(&value["plane"]), [1.0, 1.0, 0.0, 2.0, 0.0, 1.0]);
         assert!(objects(5, 5, &ObjectLayer { ids: &ids, names: vec![] }).is_null());
     }

@@ -154,9 +154,10 @@ start(async () => {
   });
   for (const button of document.querySelectorAll(".ledger button")) {
     const { kind, id } = button.dataset;
-    const ids = groups[kind];
-    if (ids) button.addEventListener("click", () => show(button, null, (i) => ids[i] === Number(id)));
-    else button.disabled = true;
+    // The plane counts the names that occur; ledgers name all.
+    const place = data[kind]?.ids.indexOf(Number(id)) ?? -1;
+    if (place > 0) button.addEventListener("click", () => show(button, null, (i) => groups[kind][i] === place));
+    else [button.disabled, button.title] = [true, "The camera does not see it directly"];
   }
   const legendKey = (id) => () => $(id)?.click();
   onKeys({ map: choose, Escape: () => shown && show(shown), l: legendKey("log"), r: legendKey("reset") });

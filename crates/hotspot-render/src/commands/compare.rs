@@ -4,7 +4,7 @@ use super::report::document;
 use crate::args::CompareArgs;
 use crate::fail::{FAILED, Fail, GATE};
 use crate::output::{Writer, stem};
-use hotspot_cost::compare::{Comparison, Gate, GateOutcome};
+use hotspot_cost::compare::{Comparison, Gate, GateOutcome, Needed};
 use hotspot_cost::exr_io::{self, Limits};
 use hotspot_cost::{Metric, Side, compare};
 
@@ -38,6 +38,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Fail> {
             crate::say::out!("note: {note}");
         }
         print_totals(&comparison);
+        print_power(&comparison, &gates, document_a.samples_per_pixel.min(document_b.samples_per_pixel));
         crate::say::out!("→ open {}", page.page.display());
     }
     let reasons = |outcome: GateOutcome| -> Vec<&str> {
@@ -78,5 +79,34 @@ fn print_totals(comparison: &Comparison) {
             change.b,
             relative * 100.0
         );
+    }
+}
+
+/// What changes these renders could have shown: those that gates ask for, or 2 %.
+fn print_power(comparison: &Comparison, gates: &[Gate], samples_per_pixel: u64) {
+    let asked = gates.iter().filter(|gate| gate.limit > 0.0).map(|gate| (gate.metric, gate.limit));
+    let mut asked: Vec<(Metric, f64)> = asked.collect();
+    if asked.is_empty() {
+        asked.push((Metric::Intersection, 0.02));
+    }
+    for (metric, limit) in asked {
+        let unclear = comparison
+            .totals
+            .get(metric.name())
+            .is_some_and(|c| c.significant == Some(false) && c.delta != 0.0);
+        let Some(needed) = comparison.samples_to_find(metric, limit).filter(|_| unclear) else { continue };
+        let change = format!("a change of {} % of {}", 100.0 * limit, metric.name());
+        match needed {
+            Needed::Times(times) => {
+                let samples = (times * samples_per_pixel as f64).ceil().max(2.0);
+                crate::say::out!(
+                    "{change} would be found in 80 % of runs from about {samples:.0} samples per pixel on (these have \
+                     {samples_per_pixel})"
+                );
+            }
+            Needed::TreeNoise => {
+                crate::say::out!("{change} would be hidden by tree noise, however many samples are taken");
+            }
+        }
     }
 }

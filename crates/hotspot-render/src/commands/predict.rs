@@ -329,6 +329,8 @@ fn write_outputs(
         header: Header::default(),
         objects: &objects,
         object_names: stage.prepared.objects(),
+        materials: &[],
+        material_names: &[],
         object_triangles: &stage.prepared.object_triangles(),
         ledgers,
         write_exr: true,

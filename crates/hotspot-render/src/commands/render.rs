@@ -8,12 +8,13 @@ use crate::interrupt;
 use crate::memory;
 use crate::output::{Output, Writer};
 use crate::progress::Talker;
+use crate::seen;
 use crate::stage::Stage;
 use crate::trees;
 use hotspot_cost::document::Note;
 use hotspot_cost::exr_io::Header;
 use hotspot_cost::{
-    CiKind, CostModel, Document, Frame, LayerOptions, Layers, Ledgers, Metric, hotspots, stats,
+    CiKind, CostModel, DepthLoss, Document, Frame, LayerOptions, Layers, Ledgers, Metric, hotspots, stats,
 };
 use hotspot_integrator::{Control, Gather, RenderScene, Rendered, Settings, Stop};
 use hotspot_scene::{Camera, Projection};
@@ -50,7 +51,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     stage.load_seconds = load_seconds;
     // Needed again for other trees alone.
     let scene = args.tree_noise.map(|trees| (trees, scene));
-    stage.check_memory(args.intervals, 1)?;
+    let aov = args.layers.contains(&LayersArg::Aov);
+    stage.check_memory_beside(args.intervals, 1, if aov { seen::BYTES } else { 0 })?;
     let settings = settings(args, &stage, metrics)?;
     stage.announce(&talker);
 
@@ -89,10 +91,19 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     }
     let objects =
         if rendered.frame.desc().cost { hotspots::first_objects(&rendered.frame) } else { Vec::new() };
+    let mut attributes = BTreeMap::new();
+    let mut materials = seen::Names::default();
+    if aov || rendered.frame.desc().cost {
+        let layers = if aov { Some((&mut layers, &mut attributes)) } else { None };
+        materials = seen::look(&stage, &settings, &rendered.frame, layers, (&talker, cancel));
+    }
     let mut document = stage.document(&rendered, &options);
     document.settings = described_settings(args, model, &stage, &settings);
     document.cost_unit = profile.as_ref().map(|_| CALIBRATED_UNIT.to_owned());
     document.tree_noise = tree_noise;
+    if settings.gather.cost {
+        document.depth_limit = DepthLoss::of(&rendered.frame, settings.max_depth);
+    }
     note_non_finite(&talker, &rendered, &mut document);
     if settings.gather.cost {
         document.hotspots = find_hotspots(model, &settings, &rendered, &layers, &objects, prepared);
@@ -103,7 +114,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     document.ledgers = rendered.ledgers.clone().map(Ledgers::shortened);
     document.memory.peak = memory::peak();
 
-    let header = header(&stage.camera, (settings.width, settings.height), &rendered, &document);
+    let size = (settings.width, settings.height);
+    let header = Header { attributes, ..header(&stage.camera, size, &rendered, &document) };
     let page = writer.render(Output {
         stem: &stage.name,
         layers: &layers,
@@ -111,6 +123,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
         header,
         objects: &objects,
         object_names: prepared.objects(),
+        materials: &materials.ids,
+        material_names: &materials.names,
         object_triangles: &prepared.object_triangles(),
         ledgers: rendered.ledgers.as_ref(),
         write_exr: true,
@@ -304,9 +318,33 @@ fn summarise(talker: &Talker, document: &Document, rendered: &Rendered) {
         rendered.threads,
         document.memory.peak >> 20
     ));
+    if let Some(line) = document.depth_limit.as_ref().and_then(depth_line) {
+        talker.say(&line);
+    }
     if let Some(view) = document.views.iter().find(|v| v.exposure_ev.is_some()) {
         talker.say(&format!("exposure {:+.2} EV", view.exposure_ev.unwrap_or(0.0)));
     }
+}
+
+/// Shares of missing light below this are not worth a line.
+const LITTLE_LIGHT: f64 = 1e-3;
+
+/// What the depth limit took away, where that matters. A limit below 2 was asked for to see just that.
+fn depth_line(cut: &DepthLoss) -> Option<String> {
+    let DepthLoss { max_depth, paths, .. } = cut;
+    let missing = match cut.lost_share {
+        Some(share) if share >= LITTLE_LIGHT => {
+            format!("an estimated {:.2} % of the picture's light is missing", 100.0 * share)
+        }
+        None if *max_depth >= 2 && *paths >= LITTLE_LIGHT => {
+            "how much light is missing cannot be told, for it does not yet decay".to_owned()
+        }
+        _ => return None,
+    };
+    Some(format!(
+        "depth limit {max_depth}: {:.1} % of the paths were cut; {missing}; raise --max-depth to see it",
+        100.0 * paths
+    ))
 }
 
 /// Where the cost is, and where to look.

@@ -3,6 +3,7 @@
 use crate::args::ReportArgs;
 use crate::fail::{FAILED, Fail};
 use crate::output::{Output, Writer, stem};
+use crate::seen;
 use hotspot_cost::document::SCHEMA;
 use hotspot_cost::exr_io::{self, ExrFile, Limits};
 use hotspot_cost::{Document, Layers, Metric, hotspots};
@@ -29,6 +30,9 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Fail> {
     }
     let mut document = document(&file, &place)?;
     let ignored = file.ignored.clone();
+    let known = document.ledgers.as_ref();
+    let known = known.map_or((&[][..], &[][..]), |ledgers| (&ledgers.objects[..], &ledgers.materials[..]));
+    let [objects, materials] = seen::of_file(&file, known.0, known.1);
     let name = stem(&args.input);
     let writer = Writer::new(&args.output, &args.views)?;
     let page = writer.render(Output {
@@ -36,8 +40,10 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Fail> {
         layers: &file.layers,
         document: &mut document,
         header: file.header.clone(),
-        objects: &[],
-        object_names: &[],
+        objects: &objects.ids,
+        object_names: &objects.names,
+        materials: &materials.ids,
+        material_names: &materials.names,
         object_triangles: &[],
         ledgers: None,
         write_exr: false,

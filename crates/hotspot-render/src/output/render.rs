@@ -21,6 +21,9 @@ pub(crate) struct Output<'a> {
     /// First-hit object of each pixel; empty when unknown.
     pub(crate) objects: &'a [u32],
     pub(crate) object_names: &'a [String],
+    /// First-hit material of each pixel; empty when unknown.
+    pub(crate) materials: &'a [u32],
+    pub(crate) material_names: &'a [String],
     /// Triangles of each object; empty when unknown.
     pub(crate) object_triangles: &'a [u64],
     /// Whole, for the CSV files.
@@ -36,6 +39,8 @@ struct PageParts<'a> {
     document: &'a Document,
     objects: &'a [u32],
     object_names: &'a [String],
+    materials: &'a [u32],
+    material_names: &'a [String],
     object_triangles: &'a [u64],
 }
 
@@ -49,6 +54,8 @@ impl Writer<'_> {
             header,
             objects,
             object_names,
+            materials,
+            material_names,
             object_triangles,
             ledgers,
             write_exr,
@@ -116,11 +123,17 @@ impl Writer<'_> {
             files.push(format!("{}: {what}", file.display()));
         }
         let page = path(".html");
-        let text = self.page(
-            &PageParts { title: stem, layers, document, objects, object_names, object_triangles },
-            picture,
-            json,
-        );
+        let parts = PageParts {
+            title: stem,
+            layers,
+            document,
+            objects,
+            object_names,
+            materials,
+            material_names,
+            object_triangles,
+        };
+        let text = self.page(&parts, picture, json);
         write_atomic(&page, text.as_bytes())?;
         files.push(format!("{}: the report", page.display()));
         Ok(Written { files, page })
@@ -151,7 +164,7 @@ impl Writer<'_> {
     }
 
     fn page(&self, parts: &PageParts<'_>, picture: Option<Beauty>, json: String) -> String {
-        let PageParts { title, layers, document, objects, object_names, object_triangles } = *parts;
+        let PageParts { title, layers, document, object_triangles, .. } = *parts;
         let measured = self.measured(document);
         let beauty = picture.map_or_else(
             || image::RgbImage::from_pixel(layers.width, layers.height, image::Rgb([40, 40, 44])),
@@ -183,9 +196,8 @@ impl Writer<'_> {
             verdict: document.verdict.clone(),
             beauty: &beauty,
             maps,
-            objects: (!objects.is_empty())
-                .then(|| ObjectLayer { ids: objects, names: object_names.to_vec() }),
-            materials: None,
+            objects: named(parts.objects, parts.object_names),
+            materials: named(parts.materials, parts.material_names),
             hotspot_pixels: &hotspot_pixels(document, layers.pixels()),
             ledgers: document
                 .ledgers
@@ -203,6 +215,11 @@ impl Writer<'_> {
             raw_json: json,
         })
     }
+}
+
+/// A plane of names for the read-out; `None` without one.
+pub(super) fn named<'a>(ids: &'a [u32], names: &[String]) -> Option<ObjectLayer<'a>> {
+    (!ids.is_empty()).then(|| ObjectLayer { ids, names: names.to_vec() })
 }
 
 fn file_name(path: &Path) -> String {
