@@ -1,6 +1,7 @@
 //! Overhead of each metric group as ratios to the plain kernel, measured in turns so that a drifting machine does not
 //! bias them: `cargo run --release -p hotspot-benches --bin overhead -- [SCENE …] [--size N] [--spp N] [--rounds N]
-//! [--threads N]`. Without scenes: this repository's Cornell box and creature.
+//! [--threads N] [--variants N,N…]`. Without scenes: this repository's Cornell box and creature. `--variants`: those of these
+//! places in the table alone, ratios to the first of them.
 #![expect(clippy::print_stdout, reason = "it prints a table")]
 
 use hotspot_benches::{COST_ALONE, VARIANTS, run, scenes, subject};
@@ -9,8 +10,15 @@ use std::path::PathBuf;
 fn main() {
     let mut files = Vec::new();
     let (mut size, mut spp, mut rounds, mut threads) = (256, 16, 7, 2);
+    let mut chosen: Vec<usize> = Vec::new();
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
+        if word == "--variants" {
+            let list = words.next().unwrap_or_default();
+            chosen =
+                list.split(',').map(|n| n.parse().unwrap_or_else(|_| panic!("{n} is no place"))).collect();
+            continue;
+        }
         let mut number = || match words.next().and_then(|n| n.parse().ok()) {
             Some(n) => n,
             None => panic!("{word} wants a number"),
@@ -35,7 +43,10 @@ fn main() {
     };
     for file in files {
         let subject = subject(&file);
-        let variants: Vec<_> = VARIANTS.iter().chain(&COST_ALONE).collect();
+        let mut variants: Vec<_> = VARIANTS.iter().chain(&COST_ALONE).collect();
+        if !chosen.is_empty() {
+            variants = chosen.iter().map(|place| variants[*place]).collect();
+        }
         let mut seconds = vec![Vec::new(); variants.len()];
         // One round to warm up, then rounds that go through all variants, every other one backwards.
         for round in 0..=rounds {

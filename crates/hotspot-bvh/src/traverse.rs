@@ -251,7 +251,7 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
             let index = current.index();
             let node = &bvh.nodes[index];
             if P::ON {
-                probe.node(index as u32, node.count());
+                probe.node(index as u32, node.count(s));
             }
             let (near, entered) = slabs.enter(s, node, best.t);
             if entered != 0 {
@@ -422,7 +422,7 @@ fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
             let index = current.index();
             let node = &bvh.nodes[index];
             if P::ON {
-                probe.node(index as u32, node.count());
+                probe.node(index as u32, node.count(s));
             }
             let (_, mut entered) = slabs.enter(s, node, t_max);
             if entered != 0 {

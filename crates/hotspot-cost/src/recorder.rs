@@ -352,6 +352,21 @@ impl PathRecorder<'_> {
         ray.finish(hit);
     }
 
+    /// Adds nodes, boxes, leaves, shapes and instances of a ray that was announced by [`Probe::untraced`].
+    #[inline(always)]
+    pub(crate) fn add_traversal(&mut self, shadow: bool, counts: [u64; 5], hit: bool) {
+        let [nodes, boxes, leaves, shapes, instances] = counts;
+        let counts = RayCounts { nodes, boxes, leaves, shapes, instances };
+        RayCounter { path: &mut self.path, counts, shadow }.finish(hit);
+    }
+
+    /// Adds an alpha test of any ray.
+    #[inline(always)]
+    pub(crate) fn add_alpha(&mut self, lookups: u32, bytes: u32) {
+        RayCounter { path: &mut self.path, counts: RayCounts::default(), shadow: false }
+            .alpha(lookups, bytes);
+    }
+
     /// Closes the path and adds it to its pixel.
     #[inline(always)]
     pub fn end(self, end: PathEnd) {
@@ -442,20 +457,6 @@ pub struct RayCounter<'r> {
     path: &'r mut PathCounts,
     counts: RayCounts,
     shadow: bool,
-}
-
-impl RayCounter<'_> {
-    /// Nodes, boxes, leaves, shapes and instances so far.
-    #[inline(always)]
-    pub(crate) const fn so_far(&self) -> [u64; 5] {
-        let RayCounts { nodes, boxes, leaves, shapes, instances } = self.counts;
-        [nodes, boxes, leaves, shapes, instances]
-    }
-
-    #[inline(always)]
-    pub(crate) const fn is_shadow(&self) -> bool {
-        self.shadow
-    }
 }
 
 impl RayProbe for RayCounter<'_> {

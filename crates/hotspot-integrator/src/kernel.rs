@@ -9,7 +9,7 @@ use crate::scene::RenderScene;
 use glam::Vec3;
 use hotspot_bvh::simd::{Simd, WithSimd};
 use hotspot_cost::ledger::{Ledger, Payers};
-use hotspot_cost::{PathEnd, PathRecorder, TileRecorder};
+use hotspot_cost::{PathEnd, PixelRecorder, TileRecorder};
 use hotspot_probe::{NoProbe, Probe};
 use std::ops::Range;
 use std::time::Instant;
@@ -194,13 +194,13 @@ impl TileJob<'_> {
                 if !counting.is_empty() {
                     let mut pixel = tile.pixel(x, y, half);
                     for index in counting {
-                        let mut path = pixel.path();
                         let sampler = pixel_sampler.sample(index);
                         if let (Some(ledger), Some(payers)) = (ledger.as_deref_mut(), kernel.payers) {
-                            let books = Books { payers, ledger, path };
+                            let books = Books { payers, ledger, pixel: &mut pixel };
                             keep(index, &booked_sample::<S, C>(simd, kernel, x, y, &sampler, books));
                             continue;
                         }
+                        let mut path = pixel.path();
                         let result = sample::<S, _, C>(simd, kernel, x, y, &sampler, &mut path);
                         path.end(path_end(&result));
                         keep(index, &result);
@@ -234,10 +234,10 @@ fn path_end(result: &PathResult) -> PathEnd {
 }
 
 /// Where a sample is booked.
-struct Books<'a> {
+struct Books<'a, 'p> {
     payers: &'a Payers,
     ledger: &'a mut Ledger,
-    path: PathRecorder<'a>,
+    pixel: &'a mut PixelRecorder<'p>,
 }
 
 /// One camera sample, recorded and booked. Not inlined, so that the kernels without ledgers stay as they are.
@@ -248,13 +248,13 @@ fn booked_sample<S: Simd, C: Class>(
     x: u32,
     y: u32,
     sampler: &Sampler<'_>,
-    books: Books<'_>,
+    books: Books<'_, '_>,
 ) -> PathResult {
     simd.vectorize(
         #[inline(always)]
         || {
-            let Books { payers, ledger, path } = books;
-            let mut path = ledger.path(payers, path);
+            let Books { payers, ledger, pixel } = books;
+            let mut path = ledger.path(payers, pixel.path());
             let result = sample::<S, _, C>(simd, kernel, x, y, sampler, &mut path);
             path.end(path_end(&result));
             result

@@ -1,133 +1,173 @@
 //! The spawner ledger while it is gathered: an open-addressing table, since there are far more possible keys than real ones.
 
-use super::payers::Slot;
+use super::payers::Column;
 use hotspot_probe::RayKind;
 
 /// Bounces from here on share an entry.
 pub(super) const LAST_BOUNCE: u32 = 31;
 
-/// What sent a ray.
+/// What sent a ray, in one word: object (11 bits), light (11 bits), bounce (5 bits), kind (2 bits), material (32 bits).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Key {
-    pub(super) object: Slot,
-    pub(super) material: u32,
-    pub(super) light: Slot,
-    /// Bounce · 4 + kind.
-    how: u32,
-}
+pub(super) struct Key(u64);
 
 impl Key {
     /// No ray's.
-    const EMPTY: Self = Self { object: 0, material: 0, light: 0, how: u32::MAX };
+    const EMPTY: Self = Self(u64::MAX);
 
+    /// Object and light: slots, below 2^11.
     #[inline(always)]
-    pub(super) fn new(object: Slot, material: u32, light: Slot, bounce: u32, kind: RayKind) -> Self {
-        Self { object, material, light, how: bounce.min(LAST_BOUNCE) * 4 + kind as u32 }
+    pub(super) fn new(object: Column, material: u32, light: Column, bounce: u32, kind: RayKind) -> Self {
+        let how = bounce.min(LAST_BOUNCE) << 2 | kind as u32;
+        let who = u32::from(object) << 18 | u32::from(light) << 7 | how;
+        Self(u64::from(who) << 32 | u64::from(material))
+    }
+
+    pub(super) const fn object(self) -> Column {
+        (self.0 >> 50) as Column
+    }
+
+    pub(super) const fn material(self) -> u32 {
+        self.0 as u32
+    }
+
+    pub(super) const fn light(self) -> Column {
+        (self.0 >> 39 & 0x7ff) as Column
     }
 
     pub(super) const fn bounce(self) -> u32 {
-        self.how / 4
+        (self.0 >> 34) as u32 & LAST_BOUNCE
     }
 
     pub(super) const fn kind(self) -> RayKind {
-        match self.how % 4 {
+        match self.0 >> 32 & 3 {
             0 => RayKind::Camera,
             1 => RayKind::Bounce,
             _ => RayKind::Shadow,
         }
     }
+}
 
-    /// Fibonacci hashing of the two halves.
+/// Counts of a bin.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct BinCounts {
+    pub(super) rays: u64,
+    pub(super) hits: u64,
+    /// Nodes and shapes of blocked shadow rays.
+    pub(super) blocked: u64,
+    pub(super) nodes: u64,
+    pub(super) boxes: u64,
+    pub(super) leaves: u64,
+    pub(super) shapes: u64,
+}
+
+impl BinCounts {
     #[inline(always)]
-    const fn hash(self) -> usize {
-        let high = (self.object as u64) << 32 | self.material as u64;
-        let low = (self.light as u64) << 32 | self.how as u64;
-        let mixed = high.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ low.wrapping_mul(0xd1b5_4a32_d192_ed03);
-        (mixed >> 32) as usize
+    fn add(&mut self, other: &Self) {
+        self.rays += other.rays;
+        self.hits += other.hits;
+        self.blocked += other.blocked;
+        self.nodes += other.nodes;
+        self.boxes += other.boxes;
+        self.leaves += other.leaves;
+        self.shapes += other.shapes;
     }
 }
 
-/// Counts of a bin: rays, hits, blocked cost, nodes, boxes, leaves, shapes, instances, alpha tests.
-pub(super) type BinCounts = [u64; 9];
-
+/// A cache line.
 #[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
 struct Bin {
     key: Key,
     counts: BinCounts,
 }
 
-const EMPTY: Bin = Bin { key: Key::EMPTY, counts: [0; 9] };
+const EMPTY: Bin = Bin {
+    key: Key::EMPTY,
+    counts: BinCounts { rays: 0, hits: 0, blocked: 0, nodes: 0, boxes: 0, leaves: 0, shapes: 0 },
+};
+
+/// Instances and alpha tests of a bin, where there are any.
+pub(super) type RareCounts = [u64; 2];
 
 /// The table: a power of two of bins, at most half of them used.
 #[derive(Clone, Debug)]
 pub(super) struct Bins {
     bins: Vec<Bin>,
+    /// By bin.
+    rare: Vec<RareCounts>,
     used: usize,
 }
 
 impl Bins {
     pub(super) fn new() -> Self {
-        Self { bins: vec![EMPTY; 256], used: 0 }
+        Self { bins: vec![EMPTY; 256], rare: vec![[0; 2]; 256], used: 0 }
+    }
+
+    /// Where the search for a key begins: Fibonacci hashing.
+    #[inline(always)]
+    fn first(&self, key: Key) -> usize {
+        (key.0.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as usize & (self.bins.len() - 1)
     }
 
     #[inline(always)]
-    pub(super) fn add(&mut self, key: Key, counts: &BinCounts) {
-        let mask = self.bins.len() - 1;
-        let mut index = key.hash() & mask;
-        loop {
-            let bin = &mut self.bins[index];
-            if bin.key == key {
-                for (sum, count) in bin.counts.iter_mut().zip(counts) {
-                    *sum += count;
-                }
-                return;
-            }
-            if bin.key == Key::EMPTY {
-                return self.insert(key, counts);
-            }
-            index = (index + 1) & mask;
+    pub(super) fn add(&mut self, key: Key, counts: &BinCounts, rare: RareCounts) {
+        let mut index = self.first(key);
+        if self.bins[index].key != key {
+            index = self.find(key);
+        }
+        self.bins[index].counts.add(counts);
+        if rare[0] | rare[1] != 0 {
+            self.rare[index][0] += rare[0];
+            self.rare[index][1] += rare[1];
         }
     }
 
-    #[cold]
+    /// The bin of a key, made where there is none.
     #[inline(never)]
-    fn insert(&mut self, key: Key, counts: &BinCounts) {
-        if 2 * (self.used + 1) > self.bins.len() {
-            let larger = vec![EMPTY; 2 * self.bins.len()];
-            let old = std::mem::replace(&mut self.bins, larger);
-            for bin in old.into_iter().filter(|bin| bin.key != Key::EMPTY) {
-                let place = self.free(bin.key);
+    fn find(&mut self, key: Key) -> usize {
+        let place = self.place(key);
+        if self.bins[place].key == key {
+            return place;
+        }
+        self.used += 1;
+        if 2 * self.used > self.bins.len() {
+            let len = 2 * self.bins.len();
+            let bins = std::mem::replace(&mut self.bins, vec![EMPTY; len]);
+            let rare = std::mem::replace(&mut self.rare, vec![[0; 2]; len]);
+            for (bin, rare) in bins.into_iter().zip(rare).filter(|(bin, _)| bin.key != Key::EMPTY) {
+                let place = self.place(bin.key);
                 self.bins[place] = bin;
+                self.rare[place] = rare;
             }
         }
-        let place = self.free(key);
-        self.bins[place] = Bin { key, counts: *counts };
-        self.used += 1;
+        let place = self.place(key);
+        self.bins[place].key = key;
+        place
     }
 
-    /// The first free place for a key that is not in the table.
-    fn free(&self, key: Key) -> usize {
-        let mask = self.bins.len() - 1;
-        let mut index = key.hash() & mask;
-        while self.bins[index].key != Key::EMPTY {
-            index = (index + 1) & mask;
+    /// The place of a key, or the free one where it belongs.
+    fn place(&self, key: Key) -> usize {
+        let mut index = self.first(key);
+        while self.bins[index].key != key && self.bins[index].key != Key::EMPTY {
+            index = (index + 1) & (self.bins.len() - 1);
         }
         index
     }
 
     /// What was counted, in no order.
-    pub(super) fn iter(&self) -> impl Iterator<Item = (Key, &BinCounts)> {
-        self.bins.iter().filter(|bin| bin.key != Key::EMPTY).map(|bin| (bin.key, &bin.counts))
+    pub(super) fn iter(&self) -> impl Iterator<Item = (Key, &BinCounts, RareCounts)> {
+        let used = self.bins.iter().zip(&self.rare).filter(|(bin, _)| bin.key != Key::EMPTY);
+        used.map(|(bin, rare)| (bin.key, &bin.counts, *rare))
     }
 
     pub(super) fn merge(&mut self, other: &Self) {
-        for (key, counts) in other.iter() {
-            self.add(key, counts);
+        for (key, counts, rare) in other.iter() {
+            self.add(key, counts, rare);
         }
     }
 
     pub(super) fn memory(&self) -> usize {
-        size_of_val(self.bins.as_slice())
+        size_of_val(self.bins.as_slice()) + size_of_val(self.rare.as_slice())
     }
 }
 
@@ -135,6 +175,7 @@ impl Bins {
 mod tests {
     use super::*;
     use crate::testing::Random;
+    use hotspot_probe::NONE;
     use std::collections::BTreeMap;
 
     #[test]
@@ -143,18 +184,49 @@ mod tests {
         let (mut bins, mut other, mut expected) = (Bins::new(), Bins::new(), BTreeMap::new());
         for round in 0..20_000u64 {
             let kind = [RayKind::Camera, RayKind::Bounce, RayKind::Shadow][random.below(3) as usize];
-            let key = Key::new(random.below(30), random.below(4), random.below(3), random.below(40), kind);
-            assert_eq!(key.kind(), kind);
-            let counts = [1, round % 2, round, 3, 4, 5, 6, 0, 1];
-            if round % 3 == 0 { &mut other } else { &mut bins }.add(key, &counts);
-            let sums: &mut BinCounts = expected.entry(key).or_default();
-            for (sum, count) in sums.iter_mut().zip(counts) {
-                *sum += count;
-            }
+            let key = Key::new(
+                random.below(30) as Column,
+                random.below(4),
+                random.below(3) as Column,
+                random.below(40),
+                kind,
+            );
+            let counts = BinCounts {
+                rays: 1,
+                hits: round % 2,
+                blocked: round,
+                nodes: 3,
+                boxes: 4,
+                leaves: 5,
+                shapes: 6,
+            };
+            let rare = [round % 3, round % 2];
+            if round % 3 == 0 { &mut other } else { &mut bins }.add(key, &counts, rare);
+            let sums: &mut (BinCounts, RareCounts) = expected.entry(key).or_default();
+            sums.0.add(&counts);
+            sums.1[0] += rare[0];
+            sums.1[1] += rare[1];
         }
         bins.merge(&other);
-        let found: BTreeMap<Key, BinCounts> = bins.iter().map(|(key, counts)| (key, *counts)).collect();
+        let found: BTreeMap<Key, (BinCounts, RareCounts)> =
+            bins.iter().map(|(key, counts, rare)| (key, (*counts, rare))).collect();
         assert!(found == expected && found.len() > 4000);
-        assert!(found.keys().all(|key| key.bounce() <= LAST_BOUNCE));
+        assert_eq!(found.values().map(|(counts, _)| counts.rays).sum::<u64>(), 20_000);
+        assert_eq!(size_of::<Bin>(), 64);
+    }
+
+    #[test]
+    fn keys_keep_their_parts() {
+        for kind in [RayKind::Camera, RayKind::Bounce, RayKind::Shadow] {
+            for (object, material, light, bounce) in
+                [(0, NONE, 0, 0), (2047, 0, 1, 30), (5, NONE - 1, 2047, 31)]
+            {
+                let key = Key::new(object, material, light, bounce, kind);
+                assert_eq!((key.object(), key.material(), key.light()), (object, material, light));
+                assert_eq!((key.bounce(), key.kind()), (bounce, kind));
+                assert_ne!(key, Key::EMPTY);
+            }
+        }
+        assert_eq!(Key::new(0, 0, 0, 99, RayKind::Bounce).bounce(), LAST_BOUNCE);
     }
 }

@@ -1,49 +1,50 @@
 //! Booking rays while they are traced: a probe around the recorder's.
 //!
 //! Each worker has a [`Ledger`] of its own and merges it in the end; sums of integers do not depend on the order. What a
-//! visit costs: one look-up of the payer, one row of the matrix to add to; the spawner is booked once per ray.
+//! visit costs: one look-up of its column, one addition; the spawner is booked once per ray.
 
-use super::bins::{Bins, Key};
-use super::payers::{BlockSlot, Payers, Slot};
+use super::bins::{BinCounts, Bins, Key, RareCounts};
+use super::cells::{Aside, Cell, Cells, LEAVES, NODES, Pair};
+use super::payers::{Column, Payers, Tree};
 use super::rows::{Ledgers, MatrixRow, PayerRow, SpawnerRow, Traversal};
-use crate::recorder::{PathEnd, PathRecorder, RayCounter};
+use crate::recorder::{PathEnd, PathRecorder};
 use hotspot_probe::{NONE, Probe, RayKind, RayProbe, Spawner};
-use std::collections::BTreeMap;
-
-/// Nodes, boxes, leaves, shapes.
-type Cell = [u64; 4];
-/// Instances, alpha tests, paths that went on: where there are any.
-type RareCell = [u64; 3];
 
 /// The sums of one worker.
 #[derive(Clone, Debug)]
 pub struct Ledger {
-    slots: usize,
-    /// `slots` × `slots`, a row for each spawning object.
-    cells: Vec<Cell>,
-    /// The same for what few scenes have.
-    rare: Vec<RareCell>,
+    cells: Cells,
     bins: Bins,
 }
 
 impl Ledger {
     /// Empty sums for a scene of these payers.
     pub fn new(payers: &Payers) -> Self {
-        let slots = payers.count();
-        // Zeroed pages take memory only when touched.
-        Self {
-            slots,
-            cells: vec![[0; 4]; slots * slots],
-            rare: vec![[0; 3]; slots * slots],
-            bins: Bins::new(),
-        }
+        Self { cells: Cells::new(payers), bins: Bins::new() }
     }
 
     /// Books a path as well as recording it. To be ended ([`BookedPath::end`]): paths that are not would be in the ledgers but
     /// not in the frame.
     #[inline(always)]
-    pub const fn path<'p>(&'p mut self, payers: &'p Payers, path: PathRecorder<'p>) -> BookedPath<'p> {
-        BookedPath { path, payers, ledger: self, left: 0 }
+    pub fn path<'p>(&'p mut self, payers: &'p Payers, path: PathRecorder<'p>) -> BookedPath<'p> {
+        let (cells, aside) = self.cells.parts();
+        BookedPath {
+            tree: payers.tree(),
+            cells,
+            start: 0,
+            sums: [Pair::NOTHING; 2],
+            rare: [0; 2],
+            key: Key::new(0, NONE, 0, 0, RayKind::Camera),
+            inside: 0,
+            block: 0,
+            left: 0,
+            odd: false,
+            odd_sums: [[0; 2]; 2],
+            path,
+            payers,
+            aside,
+            bins: &mut self.bins,
+        }
     }
 
     /// Adds the sums of another worker of the same scene.
@@ -51,28 +52,13 @@ impl Ledger {
     /// # Panics
     /// When the other is of a scene of another number of objects.
     pub fn merge(&mut self, other: &Self) {
-        assert_eq!(self.slots, other.slots, "ledgers of different scenes");
-        for (sums, counts) in self.cells.iter_mut().zip(&other.cells) {
-            // Most are empty: they are not written to, so that they take no memory.
-            if *counts != [0; 4] {
-                for (sum, count) in sums.iter_mut().zip(counts) {
-                    *sum += count;
-                }
-            }
-        }
-        for (sums, counts) in self.rare.iter_mut().zip(&other.rare) {
-            if *counts != [0; 3] {
-                for (sum, count) in sums.iter_mut().zip(counts) {
-                    *sum += count;
-                }
-            }
-        }
+        self.cells.merge(&other.cells);
         self.bins.merge(&other.bins);
     }
 
     /// Bytes that may be touched.
     pub fn memory(&self) -> u64 {
-        (size_of_val(self.cells.as_slice()) + size_of_val(self.rare.as_slice()) + self.bins.memory()) as u64
+        (self.cells.memory() + self.bins.memory()) as u64
     }
 
     /// The rows, named.
@@ -86,13 +72,14 @@ impl Ledger {
         ledgers.spawner = self
             .bins
             .iter()
-            .map(|(key, &[rays, hits, blocked, nodes, boxes, leaves, shapes, instances, alpha_tests])| {
+            .map(|(key, counts, [instances, alpha_tests])| {
+                let &BinCounts { rays, hits, blocked, nodes, boxes, leaves, shapes } = counts;
                 SpawnerRow {
-                    object: payers.object(key.object),
-                    material: (key.material != NONE).then_some(key.material),
+                    object: payers.object(key.object()),
+                    material: (key.material() != NONE).then_some(key.material()),
                     bounce: key.bounce(),
                     kind: key.kind().into(),
-                    light: payers.object(key.light),
+                    light: payers.object(key.light()),
                     rays,
                     hits,
                     blocked,
@@ -100,37 +87,54 @@ impl Ledger {
                 }
             })
             .collect();
-        let mut paid: BTreeMap<usize, Traversal> = BTreeMap::new();
-        for (index, (&[nodes, boxes, leaves, shapes], &[instances, alpha_tests, landed])) in
-            self.cells.iter().zip(&self.rare).enumerate()
-        {
-            let traversal = Traversal { nodes, boxes, leaves, shapes, instances, alpha_tests };
-            if traversal == Traversal::default() && landed == 0 {
-                continue;
+        let mut paid = vec![Traversal::default(); payers.count()];
+        for spawner in 0..payers.count() {
+            for (payer, (traversal, landed)) in self.cells.paid(spawner, payers).into_iter().enumerate() {
+                if traversal == Traversal::default() && landed == 0 {
+                    continue;
+                }
+                paid[payer].add(&traversal);
+                let [spawner, payer] = [spawner, payer].map(|slot| payers.object(slot as Column));
+                ledgers.matrix.push(MatrixRow { spawner, payer, others: false, landed, traversal });
             }
-            let (spawner, payer) = (index / self.slots, index % self.slots);
-            paid.entry(payer).or_default().add(&traversal);
-            let [spawner, payer] = [spawner, payer].map(|slot| payers.object(slot as Slot));
-            ledgers.matrix.push(MatrixRow { spawner, payer, others: false, landed, traversal });
         }
         ledgers.payer = paid
             .into_iter()
+            .enumerate()
             .filter(|(_, traversal)| *traversal != Traversal::default())
-            .map(|(payer, traversal)| PayerRow { object: payers.object(payer as Slot), traversal })
+            .map(|(payer, traversal)| PayerRow { object: payers.object(payer as Column), traversal })
             .collect();
         ledgers.finish();
         ledgers
     }
 }
 
-/// A path that is booked and recorded.
+/// A path that is booked and recorded, and the ray that it is casting.
 #[derive(Debug)]
 pub struct BookedPath<'p> {
+    tree: Tree<'p>,
+    cells: &'p mut [Cell],
+    /// Index of the first cell of the spawner of the ray.
+    start: usize,
+    /// Visits of the ray.
+    sums: [Pair; 2],
+    /// Its instances and alpha tests.
+    rare: RareCounts,
+    /// What sent it.
+    key: Key,
+    /// Slot of the instance that it is in.
+    inside: Column,
+    /// Column of its last leaf block.
+    block: Column,
+    /// Slot of the object that the path left last.
+    left: Column,
+    /// Whether there is anything in `odd_sums`: visits that `sums` cannot hold.
+    odd: bool,
+    odd_sums: [[u64; 2]; 2],
     path: PathRecorder<'p>,
     payers: &'p Payers,
-    ledger: &'p mut Ledger,
-    /// Slot of the object that the path left last.
-    left: Slot,
+    aside: &'p mut Aside,
+    bins: &'p mut Bins,
 }
 
 impl BookedPath<'_> {
@@ -139,36 +143,68 @@ impl BookedPath<'_> {
     pub fn end(self, end: PathEnd) {
         self.path.end(end);
     }
+
+    #[inline(always)]
+    fn visit(&mut self, column: Column, pair: usize, boxes: u32) {
+        let cell = self.start + usize::from(column);
+        let Some(visit) = Pair::visit(boxes) else {
+            self.aside.odd_visit(cell, pair, boxes);
+            return self.odd_visit(pair, [1, u64::from(boxes)]);
+        };
+        let sum = &mut self.cells[cell][pair];
+        if sum.add(visit) {
+            self.aside.empty(cell, pair, sum);
+        }
+        if self.sums[pair].add(visit) {
+            let full = self.sums[pair].take();
+            self.odd_visit(pair, full);
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn odd_visit(&mut self, pair: usize, [visits, boxes]: [u64; 2]) {
+        self.odd = true;
+        self.odd_sums[pair][0] += visits;
+        self.odd_sums[pair][1] += boxes;
+    }
+
+    /// The ray's nodes with their boxes, and leaf blocks with their triangles.
+    #[inline(always)]
+    fn sums(&mut self) -> [[u64; 2]; 2] {
+        let mut sums = self.sums.map(Pair::split);
+        if self.odd {
+            let odd = std::mem::take(&mut self.odd_sums);
+            sums = [NODES, LEAVES].map(|pair| [sums[pair][0] + odd[pair][0], sums[pair][1] + odd[pair][1]]);
+            self.odd = false;
+        }
+        sums
+    }
 }
 
-impl Probe for BookedPath<'_> {
+impl<'p> Probe for BookedPath<'p> {
     const ON: bool = true;
     type Ray<'r>
-        = BookedRay<'r>
+        = BookedRay<'r, 'p>
     where
         Self: 'r;
 
     #[inline(always)]
-    fn ray(&mut self, by: Spawner) -> BookedRay<'_> {
+    fn ray(&mut self, by: Spawner) -> BookedRay<'_, 'p> {
         let spawner = self.payers.slot(by.object);
-        let start = spawner as usize * self.ledger.slots;
-        let Ledger { slots, cells, rare, bins } = &mut *self.ledger;
         if by.kind == RayKind::Bounce {
             // The path is where it leaves from: its last ray but for shadow rays has landed there.
-            rare[self.left as usize * *slots + spawner as usize][2] += 1;
+            self.aside.landed(self.left, spawner);
             self.left = spawner;
         }
-        BookedRay {
-            counter: self.path.ray(by),
-            payers: self.payers,
-            row: &mut cells[start..start + *slots],
-            rare: &mut rare[start..start + *slots],
-            bins,
-            key: Key::new(spawner, by.material, self.payers.light(by.light), by.bounce, by.kind),
-            inside: 0,
-            block: 0,
-            alpha_tests: 0,
-        }
+        self.path.untraced(by);
+        self.start = self.aside.start(spawner);
+        self.sums = [Pair::NOTHING; 2];
+        self.rare = [0; 2];
+        self.key = Key::new(spawner, by.material, self.payers.light(by.light), by.bounce, by.kind);
+        self.inside = 0;
+        self.block = 0;
+        BookedRay { path: self }
     }
 
     #[inline(always)]
@@ -176,7 +212,7 @@ impl Probe for BookedPath<'_> {
         self.path.untraced(by);
         let object = self.payers.slot(by.object);
         let key = Key::new(object, by.material, self.payers.light(by.light), by.bounce, by.kind);
-        self.ledger.bins.add(key, &[1, 0, 0, 0, 0, 0, 0, 0, 0]);
+        self.bins.add(key, &BinCounts { rays: 1, ..BinCounts::default() }, [0; 2]);
     }
 
     #[inline(always)]
@@ -195,80 +231,62 @@ impl Probe for BookedPath<'_> {
     }
 }
 
-/// A ray that is booked and counted.
+/// A ray that is booked and counted. All of it stands in its path: traversals are calls, and one address is handed over faster
+/// than twenty words.
 #[derive(Debug)]
-pub struct BookedRay<'r> {
-    counter: RayCounter<'r>,
-    payers: &'r Payers,
-    /// Of the spawning object.
-    row: &'r mut [Cell],
-    rare: &'r mut [RareCell],
-    bins: &'r mut Bins,
-    key: Key,
-    /// Slot of the instance that the ray is in.
-    inside: Slot,
-    /// Slot of the last leaf block.
-    block: Slot,
-    alpha_tests: u64,
+pub struct BookedRay<'r, 'p> {
+    path: &'r mut BookedPath<'p>,
 }
 
-impl BookedRay<'_> {
-    #[cold]
-    #[inline(never)]
-    fn one_by_one(&mut self, triangles: &[Slot]) {
-        for slot in triangles {
-            self.row[*slot as usize][3] += 1;
-        }
-    }
-}
-
-impl RayProbe for BookedRay<'_> {
+impl RayProbe for BookedRay<'_, '_> {
     #[inline(always)]
     fn node(&mut self, id: u32, boxes: u32) {
-        self.counter.node(id, boxes);
-        let cell = &mut self.row[self.payers.node(id, self.inside) as usize];
-        cell[0] += 1;
-        cell[1] += u64::from(boxes);
+        let column = self.path.tree.node(id, self.path.inside);
+        self.path.visit(column, NODES, boxes);
     }
 
     #[inline(always)]
     fn leaf(&mut self, id: u32, shapes: u32) {
-        self.counter.leaf(id, shapes);
-        match self.payers.block(id, self.inside) {
-            BlockSlot::One(slot) => {
-                self.block = slot;
-                let cell = &mut self.row[slot as usize];
-                cell[2] += 1;
-                cell[3] += u64::from(shapes);
+        let path = &mut *self.path;
+        match path.tree.block(id, path.inside) {
+            Some(column) => {
+                path.block = column;
+                path.visit(column, LEAVES, shapes);
             }
-            BlockSlot::Triangles(triangles) => {
-                self.block = 0;
-                self.row[0][2] += 1;
-                self.one_by_one(triangles);
+            None => {
+                path.block = 0;
+                path.aside.stray_visit(path.start, path.payers.stray(id));
+                path.odd_visit(LEAVES, [1, u64::from(shapes)]);
             }
         }
     }
 
     #[inline(always)]
     fn instance(&mut self, id: u32) {
-        self.counter.instance(id);
-        self.inside = self.payers.instance(id);
-        self.rare[self.inside as usize][0] += 1;
+        let path = &mut *self.path;
+        path.inside = path.payers.instance(id);
+        path.rare[0] += 1;
+        path.aside.instance(path.key.object(), path.inside);
     }
 
     #[inline(always)]
     fn alpha(&mut self, lookups: u32, bytes: u32) {
-        self.counter.alpha(lookups, bytes);
-        self.alpha_tests += 1;
-        self.rare[self.block as usize][1] += 1;
+        let path = &mut *self.path;
+        path.path.add_alpha(lookups, bytes);
+        path.rare[1] += 1;
+        // Blocks of several objects are the scene's.
+        let payer = if path.payers.is_slot(path.block) { path.block } else { 0 };
+        path.aside.alpha_test(path.key.object(), payer);
     }
 
     #[inline(always)]
     fn finish(self, hit: bool) {
-        let [nodes, boxes, leaves, shapes, instances] = self.counter.so_far();
-        let blocked = if hit && self.counter.is_shadow() { nodes + shapes } else { 0 };
-        self.counter.finish(hit);
-        let counts = [1, u64::from(hit), blocked, nodes, boxes, leaves, shapes, instances, self.alpha_tests];
-        self.bins.add(self.key, &counts);
+        let path = self.path;
+        let [[nodes, boxes], [leaves, shapes]] = path.sums();
+        let shadow = path.key.kind() == RayKind::Shadow;
+        path.path.add_traversal(shadow, [nodes, boxes, leaves, shapes, path.rare[0]], hit);
+        let blocked = if hit && shadow { nodes + shapes } else { 0 };
+        let counts = BinCounts { rays: 1, hits: u64::from(hit), blocked, nodes, boxes, leaves, shapes };
+        path.bins.add(path.key, &counts, path.rare);
     }
 }

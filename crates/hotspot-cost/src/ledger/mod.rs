@@ -9,6 +9,7 @@
 //! elsewhere.
 
 mod bins;
+mod cells;
 mod csv;
 mod gather;
 mod payers;

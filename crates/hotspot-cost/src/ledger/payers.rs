@@ -1,6 +1,7 @@
 //! Who pays for what in a tree, as tables that a traversal can read at each visit.
 
 use std::cmp::Reverse;
+use std::collections::BTreeMap;
 
 /// Whose triangles lie below a node or in a leaf block, as the renderer that knows the tree says it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,41 +30,41 @@ pub struct PayerDesc {
 }
 
 /// The entry of the ledgers that a node, a block or an object is booked on: 0 for the scene (or the camera), 1 and more for
-/// objects.
-pub(super) type Slot = u32;
+/// objects; above these, in tables of blocks, sets of objects.
+pub(super) type Column = u16;
 
 /// Stands for the instance that the ray is in.
-const INSIDE: Slot = u32::MAX;
-/// From here on: blocks of several objects, by their index in `mixed`.
-const MIXED: Slot = 1 << 31;
+const INSIDE: Column = Column::MAX;
+/// A block of several objects without a column: it is in `strays`.
+const STRAY: Column = Column::MAX - 1;
 
 /// Most slots: the matrix holds the square of it.
 const MOST_SLOTS: usize = 1024;
 /// Most objects that are lights of their own in the spawner ledger.
 const MOST_LIGHTS: usize = 64;
+/// Most sets of objects that have a column: those of the most blocks.
+const MOST_SETS: usize = 1024;
+
+/// Objects (by slot) with how many triangles each has in a block.
+type Set = Vec<(Column, u64)>;
 
 /// The tables.
 #[derive(Clone, Debug, Default)]
 pub struct Payers {
-    nodes: Vec<Slot>,
-    blocks: Vec<Slot>,
-    /// Slots of the triangles of blocks with several objects.
-    mixed: Vec<Vec<Slot>>,
-    instances: Vec<Slot>,
+    nodes: Vec<Column>,
+    blocks: Vec<Column>,
+    /// Blocks with several objects, by column above the slots.
+    sets: Vec<Set>,
+    /// Slots of the triangles of blocks with several objects and no column.
+    strays: BTreeMap<u32, Vec<Column>>,
+    instances: Vec<Column>,
     /// By object.
-    slots: Vec<Slot>,
+    slots: Vec<Column>,
     /// By object, as a light.
-    lights: Vec<Slot>,
+    lights: Vec<Column>,
     /// Object of each slot from 1 on; `slots.len()` for the entry that several share.
     objects: Vec<u32>,
     merged: u64,
-}
-
-/// How a leaf block is booked.
-pub(super) enum BlockSlot<'a> {
-    One(Slot),
-    /// One by one.
-    Triangles(&'a [Slot]),
 }
 
 impl Payers {
@@ -81,10 +82,10 @@ impl Payers {
         };
         let mut objects = order[..own].to_vec();
         objects.sort_unstable();
-        let shared = 1 + own as Slot;
+        let shared = 1 + own as Column;
         let mut slots = vec![shared; count];
         for (index, object) in objects.iter().enumerate() {
-            slots[*object as usize] = 1 + index as Slot;
+            slots[*object as usize] = 1 + index as Column;
         }
         let mut lights = vec![shared; count];
         for object in desc.lights.iter().take(MOST_LIGHTS) {
@@ -95,7 +96,6 @@ impl Payers {
         }
         objects.push(count as u32);
         let of = |object: u32| slots.get(object as usize).copied().unwrap_or(shared);
-        let mut mixed = Vec::new();
         let nodes = desc
             .nodes
             .iter()
@@ -105,25 +105,63 @@ impl Payers {
                 Payer::Instance => INSIDE,
             })
             .collect();
+        let set_of = |triangles: &[u32]| {
+            let mut set: BTreeMap<Column, u64> = BTreeMap::new();
+            for object in triangles {
+                *set.entry(of(*object)).or_default() += 1;
+            }
+            set.into_iter().collect::<Set>()
+        };
+        let mut blocks_of: BTreeMap<Set, u64> = BTreeMap::new();
+        for payer in &desc.blocks {
+            if let Payer::Scene(triangles) = payer {
+                *blocks_of.entry(set_of(triangles)).or_default() += 1;
+            }
+        }
+        let mut sets: Vec<(Reverse<u64>, Set)> =
+            blocks_of.into_iter().map(|(set, blocks)| (Reverse(blocks), set)).collect();
+        sets.sort_unstable();
+        sets.truncate(MOST_SETS);
+        let sets: Vec<Set> = sets.into_iter().map(|(_, set)| set).collect();
+        let first_set = shared + 1;
+        let columns: BTreeMap<&Set, Column> = sets.iter().zip(first_set..).collect();
+        let mut strays = BTreeMap::new();
         let blocks = desc
             .blocks
             .iter()
-            .map(|payer| match payer {
+            .zip(0..)
+            .map(|(payer, id)| match payer {
                 Payer::Object(object) => of(*object),
-                Payer::Scene(triangles) => {
-                    mixed.push(triangles.iter().map(|object| of(*object)).collect());
-                    MIXED + mixed.len() as Slot - 1
-                }
+                Payer::Scene(triangles) => columns.get(&set_of(triangles)).copied().unwrap_or_else(|| {
+                    strays.insert(id, triangles.iter().map(|object| of(*object)).collect());
+                    STRAY
+                }),
                 Payer::Instance => INSIDE,
             })
             .collect();
         let instances = desc.instances.iter().map(|object| of(*object)).collect();
-        Self { nodes, blocks, mixed, instances, lights, objects, merged: (count - own) as u64, slots }
+        Self { nodes, blocks, sets, strays, instances, lights, objects, merged: (count - own) as u64, slots }
     }
 
     /// Slots, the scene's and the shared one included.
     pub(super) const fn count(&self) -> usize {
         self.objects.len() + 1
+    }
+
+    /// Columns of the matrix: slots, then sets of objects.
+    pub(super) const fn columns(&self) -> usize {
+        self.count() + self.sets.len()
+    }
+
+    /// The objects of a set's column, with their triangles in each block.
+    pub(super) fn set(&self, column: usize) -> &[(Column, u64)] {
+        column.checked_sub(self.count()).and_then(|set| self.sets.get(set)).map_or(&[][..], Vec::as_slice)
+    }
+
+    /// Whether the column is one object's (or the scene's).
+    #[inline(always)]
+    pub(super) const fn is_slot(&self, column: Column) -> bool {
+        (column as usize) < self.count()
     }
 
     /// How many objects share an entry.
@@ -132,46 +170,38 @@ impl Payers {
     }
 
     /// The object of a slot: `None` for slot 0, the number of objects for the shared one.
-    pub(super) fn object(&self, slot: Slot) -> Option<u32> {
+    pub(super) fn object(&self, slot: Column) -> Option<u32> {
         self.objects.get((slot as usize).checked_sub(1)?).copied()
     }
 
     /// The slot of an object, 0 for none.
     #[inline(always)]
-    pub(super) fn slot(&self, object: u32) -> Slot {
+    pub(super) fn slot(&self, object: u32) -> Column {
         self.slots.get(object as usize).copied().unwrap_or(0)
     }
 
     /// The slot of an object as a light, 0 for none.
     #[inline(always)]
-    pub(super) fn light(&self, object: u32) -> Slot {
+    pub(super) fn light(&self, object: u32) -> Column {
         self.lights.get(object as usize).copied().unwrap_or(0)
     }
 
-    /// The slot of a node; `inside`: of the instance that the ray is in.
+    /// The tables that each visit reads.
     #[inline(always)]
-    pub(super) fn node(&self, id: u32, inside: Slot) -> Slot {
-        match self.nodes.get(id as usize) {
-            Some(&INSIDE) => inside,
-            Some(&slot) => slot,
-            None => 0,
-        }
+    pub(super) fn tree(&self) -> Tree<'_> {
+        Tree { nodes: &self.nodes, blocks: &self.blocks }
     }
 
-    /// The slot of a leaf block.
-    #[inline(always)]
-    pub(super) fn block(&self, id: u32, inside: Slot) -> BlockSlot<'_> {
-        match self.blocks.get(id as usize) {
-            Some(&INSIDE) => BlockSlot::One(inside),
-            Some(&slot) if slot < MIXED => BlockSlot::One(slot),
-            Some(&slot) => BlockSlot::Triangles(&self.mixed[(slot - MIXED) as usize]),
-            None => BlockSlot::One(0),
-        }
+    /// The slots of a block's triangles, where it has no column.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn stray(&self, id: u32) -> &[Column] {
+        self.strays.get(&id).map_or(&[][..], Vec::as_slice)
     }
 
     /// The slot of an instance.
     #[inline(always)]
-    pub(super) fn instance(&self, id: u32) -> Slot {
+    pub(super) fn instance(&self, id: u32) -> Column {
         self.instances.get(id as usize).copied().unwrap_or(0)
     }
 
@@ -181,7 +211,39 @@ impl Payers {
             + self.blocks.len()
             + self.instances.len()
             + self.slots.len()
-            + self.lights.len();
-        (4 * words + self.mixed.iter().map(|m| size_of::<Vec<Slot>>() + 4 * m.len()).sum::<usize>()) as u64
+            + self.lights.len()
+            + self.strays.values().map(Vec::len).sum::<usize>();
+        let sets: usize = self.sets.iter().map(|set| size_of_val(set.as_slice())).sum();
+        (size_of::<Column>() * words + sets) as u64
+    }
+}
+
+/// Columns of nodes and blocks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tree<'a> {
+    nodes: &'a [Column],
+    blocks: &'a [Column],
+}
+
+impl Tree<'_> {
+    /// The column of a node; `inside`: of the instance that the ray is in.
+    #[inline(always)]
+    pub(super) fn node(&self, id: u32, inside: Column) -> Column {
+        match self.nodes.get(id as usize) {
+            Some(&INSIDE) => inside,
+            Some(&column) => column,
+            None => 0,
+        }
+    }
+
+    /// The column of a leaf block; `None`: its triangles are to be booked one by one ([`Payers::stray`]).
+    #[inline(always)]
+    pub(super) fn block(&self, id: u32, inside: Column) -> Option<Column> {
+        match self.blocks.get(id as usize) {
+            Some(&INSIDE) => Some(inside),
+            Some(&STRAY) => None,
+            Some(&column) => Some(column),
+            None => Some(0),
+        }
     }
 }

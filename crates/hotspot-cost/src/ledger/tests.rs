@@ -4,8 +4,8 @@ use crate::{Cause, Counter, Frame, FrameDesc, PathEnd};
 use hotspot_probe::{NONE, Probe, RayKind, RayProbe, Spawner};
 use std::collections::BTreeMap;
 
-/// Of a tree of 40 nodes and blocks over `objects` objects, some of them mixed, some of them of instances.
-fn desc(objects: u32, random: &mut Random) -> PayerDesc {
+/// Of a tree of so many nodes and blocks over `objects` objects, some of them mixed, some of them of instances.
+fn desc(objects: u32, size: u32, random: &mut Random) -> PayerDesc {
     let mut payer = |leaf: bool| match random.below(4) {
         0 => Payer::Scene(
             (0..if leaf { 1 + random.below(8) } else { 0 }).map(|_| random.below(objects)).collect(),
@@ -13,8 +13,8 @@ fn desc(objects: u32, random: &mut Random) -> PayerDesc {
         1 => Payer::Instance,
         _ => Payer::Object(random.below(objects)),
     };
-    let nodes = (0..40).map(|_| payer(false)).collect();
-    let blocks = (0..40).map(|_| payer(true)).collect();
+    let nodes = (0..size).map(|_| payer(false)).collect();
+    let blocks = (0..size).map(|_| payer(true)).collect();
     PayerDesc {
         nodes,
         blocks,
@@ -63,10 +63,21 @@ fn some_spawner(objects: u32, random: &mut Random) -> Spawner {
     }
 }
 
-/// A frame of random rays, booked both ways: what the ledger says, and the oracle.
+/// A frame of random rays in a tree of 40 nodes and blocks, booked both ways: what the ledger says, and the oracle.
 fn booked(objects: u32, rays: u32, workers: usize, seed: u64) -> (Frame, Ledgers, Oracle, PayerDesc) {
+    booked_in(40, objects, rays, workers, seed)
+}
+
+/// The same in a tree of `size` nodes and blocks.
+fn booked_in(
+    size: u32,
+    objects: u32,
+    rays: u32,
+    workers: usize,
+    seed: u64,
+) -> (Frame, Ledgers, Oracle, PayerDesc) {
     let mut random = Random::new(seed);
-    let desc = desc(objects, &mut random);
+    let desc = desc(objects, size, &mut random);
     let payers = Payers::new(&desc);
     let mut ledgers: Vec<Ledger> = (0..workers).map(|_| Ledger::new(&payers)).collect();
     let mut frame = Frame::new(FrameDesc::new(1, 1));
@@ -86,7 +97,7 @@ fn booked(objects: u32, rays: u32, workers: usize, seed: u64) -> (Frame, Ledgers
             let mut ray = path.ray(by);
             let (mut inside, mut block, mut cost) = (None, None, 0);
             for _ in 0..random.below(12) {
-                let id = random.below(40);
+                let id = random.below(size);
                 match random.below(4) {
                     0 => {
                         let instance = random.below(5);
@@ -104,11 +115,14 @@ fn booked(objects: u32, rays: u32, workers: usize, seed: u64) -> (Frame, Ledgers
                             Payer::Scene(_) => None,
                             Payer::Instance => inside,
                         };
-                        ray.node(id, 5);
+                        // Seldom as many as foreign trees might claim, and often enough to fill a pair of sums.
+                        let boxes = [5, 8, 0, u32::MAX, 1 << 31, 1 << 28]
+                            [random.below(60).saturating_sub(54) as usize];
+                        ray.node(id, boxes);
                         cost += 1;
                         oracle.event(by, payer, |t| {
                             t.nodes += 1;
-                            t.boxes += 5;
+                            t.boxes += u64::from(boxes);
                         });
                     }
                     _ => {
@@ -169,8 +183,9 @@ fn assert_totals(frame: &Frame, ledgers: &Ledgers) {
 
 #[test]
 fn ledgers_agree_with_the_oracle_row_by_row() {
-    for (objects, workers, seed) in [(1, 1, 1), (7, 3, 2), (60, 2, 3)] {
-        let (frame, ledgers, oracle, desc) = booked(objects, 20_000, workers, seed);
+    // The last tree has more sets of objects in its blocks than there are columns.
+    for (size, objects, workers, seed) in [(40, 1, 1, 1), (40, 7, 3, 2), (40, 60, 2, 3), (6000, 60, 2, 7)] {
+        let (frame, ledgers, oracle, desc) = booked_in(size, objects, 20_000, workers, seed);
         assert_totals(&frame, &ledgers);
         assert!(desc.lights.len() <= 64 && ledgers.merged_objects == 0);
         // Lights of which the renderer did not say that they are lights share an entry.
