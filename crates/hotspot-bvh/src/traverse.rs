@@ -25,8 +25,7 @@ struct Pending(u64);
 impl Pending {
     #[inline(always)]
     fn new(near: f32, child: Child) -> Self {
-        // `near` may be −0.0 only if t_min is; + 0.0 makes it 0.0.
-        Self(u64::from((near + 0.0).to_bits()) << 32 | u64::from(child.0))
+        Self(u64::from(near.to_bits()) << 32 | u64::from(child.0))
     }
 
     #[inline(always)]
@@ -44,6 +43,8 @@ impl Pending {
 pub(crate) struct SlabTest<S: Simd> {
     origin: [S::Vector; 3],
     inverse: [S::Vector; 3],
+    /// For the far sides of nodes' boxes ([`RayFrame::inverse_far`]).
+    inverse_far: [S::Vector; 3],
     down: [bool; 3],
     t_min: S::Vector,
 }
@@ -53,32 +54,32 @@ impl<S: Simd> SlabTest<S> {
     pub(crate) fn new(s: S, frame: &RayFrame) -> Self {
         let o = frame.ray.origin;
         let i = frame.inverse;
+        let f = frame.inverse_far;
         Self {
             origin: [s.splat(o[0]), s.splat(o[1]), s.splat(o[2])],
             inverse: [s.splat(i[0]), s.splat(i[1]), s.splat(i[2])],
+            inverse_far: [s.splat(f[0]), s.splat(f[1]), s.splat(f[2])],
             down: frame.down,
-            t_min: s.splat(frame.ray.t_min),
+            // No distance is −0.0 then: `max` keeps its second operand when both are zero.
+            t_min: s.splat(frame.ray.t_min + 0.0),
         }
     }
 
-    #[inline(always)]
-    fn plane(&self, s: S, node: &Node, axis: usize, upper: bool) -> S::Vector {
-        s.mul(s.sub(s.load(&node.bounds[axis][usize::from(upper)]), self.origin[axis]), self.inverse[axis])
-    }
-
-    /// Entry distances, and the lanes that are entered by `t_max`, as bits. Subtract-then-multiply, the far side padded
-    /// ([`FAR_PAD`]). A NaN (0 · ∞: the origin on a plane that the ray runs along) drops out: `min` and `max` keep their
-    /// second operand.
+    /// Entry distances, and the lanes that are entered by `t_max`, as bits. Subtract-then-multiply; the far side is padded
+    /// by its factor. A NaN (0 · ∞: the origin on a plane that the ray runs along) drops out: `min` and `max` keep their
+    /// second operand. No step waits for more than it must: the latency of this chain is what a visit costs.
     #[inline(always)]
     pub(crate) fn enter(&self, s: S, node: &Node, t_max: f32) -> (S::Vector, u32) {
+        let plane = |axis: usize, upper: bool, inverse: &[S::Vector; 3]| {
+            s.mul(s.sub(s.load(&node.bounds[axis][usize::from(upper)]), self.origin[axis]), inverse[axis])
+        };
         let [x, y, z] = self.down;
-        let near = s.max(self.plane(s, node, 0, x), self.t_min);
-        let near = s.max(self.plane(s, node, 1, y), near);
-        let near = s.max(self.plane(s, node, 2, z), near);
-        let far = s.min(self.plane(s, node, 0, !x), s.splat(f32::INFINITY));
-        let far = s.min(self.plane(s, node, 1, !y), far);
-        let far = s.min(self.plane(s, node, 2, !z), far);
-        let far = s.min(s.mul(far, s.splat(FAR_PAD)), s.splat(t_max));
+        let near = s.max(plane(0, x, &self.inverse), self.t_min);
+        let near = s.max(plane(1, y, &self.inverse), near);
+        let near = s.max(plane(2, z, &self.inverse), near);
+        let far = s.min(plane(0, !x, &self.inverse_far), s.splat(t_max));
+        let far = s.min(plane(1, !y, &self.inverse_far), far);
+        let far = s.min(plane(2, !z, &self.inverse_far), far);
         (near, s.le(near, far))
     }
 }

@@ -30,6 +30,15 @@ use core::hint::select_unpredictable;
 /// would do; f32 has 1 + 8u. (Ize's 2 ulp, 1 + 4u, hold in every test here too, but without a proof.)
 pub(crate) const FAR_PAD: f32 = 1.0 + 4.0 * f32::EPSILON;
 
+/// The reciprocals for the far sides of nodes' boxes are scaled by this: so that no box is left before a triangle in it is
+/// by [`FAR_PAD`], although the factor is multiplied in elsewhere. With d the rounded difference, r the rounded reciprocal,
+/// the triangle's distance is at most d r (1 + u)² (1 + 8u), the box's at least d r (1 − u)² (1 + 32u); 1 + 12u would do.
+/// Where distances are subnormal, within half a quantum q: the triangle's rounds (k + 8uk)q for a d r of at least
+/// (k − 1/2)q, the box's at least (k − 1/2 + 30uk)q; the latter is not less, or 8uk < 1/2, and both round to kq.
+const FAR_SCALE: f32 = 1.0 + 16.0 * f32::EPSILON;
+/// Added to their magnitude, for reciprocals that are subnormal: more than 12u of any such.
+const FAR_QUANTA: f32 = f32::from_bits(8);
+
 /// Triangles per block.
 pub(crate) const LANES: usize = 8;
 
@@ -59,6 +68,8 @@ pub(crate) struct RayFrame {
     pub(crate) ray: Ray,
     /// 1 / direction; infinite for zero and for tiny components.
     pub(crate) inverse: [f32; 3],
+    /// The same, a little larger ([`FAR_SCALE`]).
+    pub(crate) inverse_far: [f32; 3],
     /// Whether the ray runs down an axis: its near plane is then the maximum.
     pub(crate) down: [bool; 3],
     /// Axis permutation of the shear: the direction's largest component last.
@@ -80,9 +91,12 @@ impl RayFrame {
         let (y_wins, xy) = (ax <= ay, if ax > ay { ax } else { ay });
         let k = CYCLES[select_unpredictable(xy > az, usize::from(y_wins), 2) & 3];
         let direction_k = permuted(&d, k);
+        let inverse = [1.0 / d[0], 1.0 / d[1], 1.0 / d[2]];
+        let far = |r: f32| r * FAR_SCALE + FAR_QUANTA.copysign(r);
         Self {
             ray: *ray,
-            inverse: [1.0 / d[0], 1.0 / d[1], 1.0 / d[2]],
+            inverse,
+            inverse_far: [far(inverse[0]), far(inverse[1]), far(inverse[2])],
             down: [d[0].is_sign_negative(), d[1].is_sign_negative(), d[2].is_sign_negative()],
             k,
             origin_k: permuted(&o, k),
