@@ -53,6 +53,7 @@ impl Writer<'_> {
         }
         .into_iter()
         .filter(|m| comparison.layers.plane(&format!("diff.{}", m.name())).is_some())
+        .filter(|m| is_mapped(*m, a.layers, b.layers))
         .collect();
         for &metric in &metrics {
             // Both renders on one scale, then their difference, absolute and relative.
@@ -162,6 +163,7 @@ impl Writer<'_> {
         let maps = metrics
             .iter()
             .zip(&flags)
+            .filter(|(metric, _)| is_mapped(**metric, a.layers, b.layers))
             .filter_map(|(&metric, significant)| {
                 Some(CompareLayer {
                     metric: metric.name().to_owned(),
@@ -182,6 +184,9 @@ impl Writer<'_> {
             .iter()
             .filter_map(|metric| {
                 let change = comparison.totals.get(metric.name())?;
+                if *metric == Metric::TimeUs && change.a == 0.0 && change.b == 0.0 {
+                    return None;
+                }
                 Some(ChangeRow {
                     label: labelled(*metric),
                     a: change.a,
@@ -224,6 +229,12 @@ fn row(suggestion: &Suggestion) -> SuggestionRow {
         }),
         picture: image_in_words(&suggestion.image).unwrap_or_default(),
     }
+}
+
+/// Whether there is anything to draw. `whatif` times whole renders by themselves: its counted ones have no time per pixel.
+fn is_mapped(metric: Metric, a: &Layers, b: &Layers) -> bool {
+    let timed = |layers: &Layers| layers.metric(metric).is_some_and(|plane| plane.iter().any(|v| *v > 0.0));
+    metric != Metric::TimeUs || timed(a) || timed(b)
 }
 
 /// What a comparison says in one sentence.
