@@ -1,7 +1,7 @@
-//! Sample points: an Owen-scrambled digital sequence of Sobol's kind, or independent.
+//! Sample points: Owen-scrambled Sobol, or independent.
 //!
 //! Points come in sets of four dimensions ([`Dimensions`] says what each is for). Within a set, the samples of a pixel
-//! are one Owen-scrambled, shuffled sequence of four dimensions ([`sequence`]; Burley, *Practical Hash-based Owen
+//! are the first four dimensions of one Owen-scrambled, shuffled Sobol sequence (Burley, *Practical Hash-based Owen
 //! Scrambling*, JCGT 2020; Laine–Karras hash as improved in the `sobol_burley` crate); sets and pixels are randomised
 //! against each other by their seed (padding). A point depends on (pixel, sample index, set, seed) alone, so any range of
 //! samples can be rendered anywhere.
@@ -24,20 +24,24 @@
 //! on, so that lobe and direction are stratified as one; likewise the light's pair chooses the light first
 //! ([`light`](crate::light)). Roulette and mixtures have numbers of their own: they decide about everything that follows.
 //!
-//! The pairs 0, 1 and 2, 3 of a set are (0, 2)-sequences: 2^k samples put one point into each cell of every 2^a × 2^b grid,
-//! a + b = k. The four jointly are a (0, 4)-sequence in base 4: of 4^k samples each box of 4^k equal ones along the axes holds
-//! one. So all this holds best for powers of four, then of two; other numbers are as right but less even.
+//! The pair 0, 1 of a set is a (0, 2)-sequence: 2^k samples put one point into each cell of every 2^a × 2^b grid, a + b = k.
+//! The pair 2, 3 and the four jointly are nets of slightly lesser quality. All this holds best for powers of two samples;
+//! other numbers are as right but less even.
 //!
-//! Numbers 0 and 1 are those of `sobol_burley::sample_4d`, bit for bit (a test compares them). The unscrambled points come from two
-//! tables, and the hashes of a set are made once per pixel.
+//! The points are those of `sobol_burley::sample_4d`, bit for bit (a test compares them); only the work is arranged for a
+//! renderer: the unscrambled points come from two tables, and the hashes of a set are made once per pixel.
 
-mod sequence;
-
-use sequence::Table;
 use sobol_burley::parts;
 use std::sync::LazyLock;
 
-static TABLE: LazyLock<Table> = LazyLock::new(Table::new);
+/// The first four Sobol dimensions of indices below 2^16, bits reversed as in `sobol_burley`: the exclusive or of one row
+/// by the index's high byte (reversed: the low bits come first) and one by its low byte.
+struct Table([[[u32; 4]; 256]; 2]);
+
+static TABLE: LazyLock<Table> = LazyLock::new(|| {
+    let row = |reversed: u32| [0, 1, 2, 3].map(|dimension| parts::sobol_rev(reversed, dimension));
+    Table([24, 16].map(|shift| core::array::from_fn(|byte| row((byte as u32) << shift))))
+});
 
 /// Sets whose hashes are kept per pixel (eight vertices deep); deeper ones are hashed each time.
 const KEPT: usize = 16;
@@ -231,12 +235,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_pair_is_that_of_the_crate() {
+    fn the_points_are_those_of_the_crate() {
         for seed in [0, 1, 77, 0xdead_beef] {
             for index in (0..1 << 16).step_by(7) {
                 let ours = sobol(&TABLE, index, &Scrambles::of_seed(seed));
-                let theirs = sobol_burley::sample_4d(index, 0, seed);
-                assert_eq!(ours[..2], theirs[..2], "seed {seed}, index {index}");
+                assert_eq!(ours, sobol_burley::sample_4d(index, 0, seed), "seed {seed}, index {index}");
             }
         }
         // Kept and uncommon sets, and blocks beyond the first, take the same route.
@@ -244,13 +247,13 @@ mod tests {
         for (index, key) in [(9, pixel.key), ((1 << 16) + 9, hash(1, pixel.key))] {
             for set in [0, 1, KEPT as u32 - 1, KEPT as u32, 40] {
                 let expected = sobol_burley::sample_4d(9, 0, seed_of(key, set));
-                assert_eq!(pixel.sample(index).get(set)[..2], expected[..2], "set {set}, index {index}");
+                assert_eq!(pixel.sample(index).get(set), expected, "set {set}, index {index}");
             }
         }
     }
 
     /// Elementary intervals: 2^k samples of a Sobol pair put exactly one point into each cell of every 2^a × 2^b grid,
-    /// a + b = k, for the pairs that matter.
+    /// a + b = k, for the pairs that matter (film; BSDF; the light pair is a (t, m, 2)-net with small t).
     #[test]
     fn the_named_pairs_are_stratified() {
         for set in [0, 1, 4].map(Dimensions::segment) {
