@@ -78,7 +78,7 @@ const fn place(n: u32, i: u32, j: u32) -> u32 {
 }
 
 impl SurfaceMesh {
-    /// The mesh of a scene whose edges are at most 1/`detail` of the bounds' diagonal long (or split into [`MOST_SEGMENTS`]); 0: as they are.
+    /// The mesh of a scene whose edges are at most 1/`detail` of the bounds' diagonal long (or split into `MOST_SEGMENTS`); 0: as they are.
     ///
     /// # Errors
     /// When the scene has no triangles, or what follows would take more than `limit` bytes.
