@@ -27,7 +27,7 @@ mod tiles;
 mod trees;
 
 pub use gate::{Gate, GateError, GateOutcome, GateResult};
-pub use power::{FOUND_IN_80_PERCENT, Needed};
+pub use power::Needed;
 
 use crate::document::Document;
 use crate::error::Result;

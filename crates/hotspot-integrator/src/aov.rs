@@ -68,8 +68,7 @@ pub fn first_hits(
     cancel: Option<&AtomicBool>,
 ) -> Option<Vec<FirstHit>> {
     let (width, height) = (frame.desc().width, frame.desc().height);
-    let square = f64::from(width) / f64::from(height);
-    let camera = FilmCamera::new(camera, settings.aspect.unwrap_or(square));
+    let camera = settings.film_camera(camera);
     let mut hits = vec![FirstHit::NOTHING; width as usize * height as usize];
     let cancelled = || cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed));
     hits.par_chunks_mut(width as usize).enumerate().for_each(|(y, hits)| {

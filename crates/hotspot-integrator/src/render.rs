@@ -99,12 +99,35 @@ impl Settings {
             first_wave: None,
         }
     }
+
+    /// The camera with these settings' film: pixels are square unless they say otherwise.
+    pub(crate) fn film_camera(&self, camera: &Camera) -> FilmCamera {
+        let square = f64::from(self.width) / f64::from(self.height);
+        FilmCamera::new(camera, self.aspect.unwrap_or(square))
+    }
+
+    /// What is learned about the scene's lights, where that is asked for and worth it.
+    pub(crate) fn learned(&self, scene: &RenderScene, camera: &FilmCamera) -> Option<Learned> {
+        let lessons = self.light_choice == LightChoice::Learned;
+        Learned::new(scene, camera, self.seed, Lessons { facing: lessons, windows: lessons })
+    }
+
+    /// What the path loop needs to know.
+    pub(crate) fn path<'a>(&self, trace_shadow_rays: bool, learned: Option<&'a Learned>) -> PathSettings<'a> {
+        PathSettings {
+            max_depth: self.max_depth,
+            roulette_from: self.roulette_from.unwrap_or(u32::MAX),
+            trace_shadow_rays,
+            learned,
+        }
+    }
 }
 
 /// How light sampling chooses a light and a direction to it. Unbiased either way; what shadow rays cost depends on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum LightChoice {
-    /// By power alone, and a constant environment by the receiver's cosine: the paper's integrator.
+    /// Half by power, half evenly by object, so that no dim light nearby starves; a constant environment by the receiver's
+    /// cosine.
     #[default]
     Power,
     /// By where it is asked from: emissive triangles by distance and by how they face the point, a constant environment by
@@ -260,21 +283,14 @@ fn render_in_tiles(
     let payers = (settings.ledgers && gather.cost).then(|| scene.payers());
     let shelf = Shelf::default();
     let start = Instant::now();
-    let square = f64::from(settings.width) / f64::from(settings.height);
-    let camera = FilmCamera::new(camera, settings.aspect.unwrap_or(square));
-    let lessons = settings.light_choice == LightChoice::Learned;
-    let learned = Learned::new(scene, &camera, settings.seed, Lessons { facing: lessons, windows: lessons });
+    let camera = settings.film_camera(camera);
+    let learned = settings.learned(scene, &camera);
     let kernel = Kernel {
         scene,
         camera,
         width: settings.width,
         height: settings.height,
-        path: PathSettings {
-            max_depth: settings.max_depth,
-            roulette_from: settings.roulette_from.unwrap_or(u32::MAX),
-            trace_shadow_rays: gather.trace_shadow_rays,
-            learned: learned.as_ref(),
-        },
+        path: settings.path(gather.trace_shadow_rays, learned.as_ref()),
         sampler: settings.sampler,
         seed: settings.seed,
         halves: frame.halves(),

@@ -1,10 +1,7 @@
 //! A few more paths through some pixels, counted and booked apart from the render: what its hotspots are explained from.
 
-use crate::camera::FilmCamera;
 use crate::kernel::{Kernel, Lost, TileJob};
-use crate::light::{Learned, Lessons};
-use crate::path::PathSettings;
-use crate::render::{LightChoice, Settings};
+use crate::render::Settings;
 use crate::scene::RenderScene;
 use hotspot_bvh::simd::dispatch;
 use hotspot_cost::hotspots::{MaterialKind, Sounding};
@@ -35,21 +32,14 @@ pub fn sound(
     regions: &[Vec<u32>],
 ) -> Vec<Vec<Sounding>> {
     let payers = scene.payers();
-    let square = f64::from(settings.width) / f64::from(settings.height);
-    let camera = FilmCamera::new(camera, settings.aspect.unwrap_or(square));
-    let lessons = settings.light_choice == LightChoice::Learned;
-    let learned = Learned::new(scene, &camera, settings.seed, Lessons { facing: lessons, windows: lessons });
+    let camera = settings.film_camera(camera);
+    let learned = settings.learned(scene, &camera);
     let kernel = Kernel {
         scene,
         camera,
         width: settings.width,
         height: settings.height,
-        path: PathSettings {
-            max_depth: settings.max_depth,
-            roulette_from: settings.roulette_from.unwrap_or(u32::MAX),
-            trace_shadow_rays: true,
-            learned: learned.as_ref(),
-        },
+        path: settings.path(true, learned.as_ref()),
         sampler: settings.sampler,
         seed: settings.seed ^ SEED,
         halves: 1,

@@ -12,9 +12,8 @@ pub use views::viewpoints;
 use crate::camera::FilmCamera;
 use crate::cast::closest_hit;
 use crate::class::{FullClass, LearnedClass};
-use crate::light::{Learned, Lessons};
 use crate::path::{PathSettings, trace};
-use crate::render::{Control, LightChoice, Progress, Settings, Stop};
+use crate::render::{Control, Progress, Settings, Stop};
 use crate::sampler::{Dimensions, PixelSampler, Sampler, hash};
 use crate::scene::RenderScene;
 use glam::Vec3;
@@ -70,18 +69,14 @@ pub fn bake(
 ) -> Baked {
     assert!(settings.spp > 0 && settings.width > 0 && settings.height > 0, "no paths to trace");
     let start = Instant::now();
-    let square = f64::from(settings.width) / f64::from(settings.height);
     let film = match view {
-        BakeView::Camera(camera) => Some(FilmCamera::new(camera, settings.aspect.unwrap_or(square))),
+        BakeView::Camera(camera) => Some(settings.film_camera(camera)),
         BakeView::Points(points) => {
             assert!(!points.is_empty(), "no viewpoint");
             None
         }
     };
-    let lessons = settings.light_choice == LightChoice::Learned;
-    let learned = film.and_then(|film| {
-        Learned::new(scene, &film, settings.seed, Lessons { facing: lessons, windows: lessons })
-    });
+    let learned = film.and_then(|film| settings.learned(scene, &film));
     let sums = SurfaceSums::new(mesh.vertex_count());
     let escaped = [const { AtomicU64::new(0) }; 3];
     let kernel = BakeKernel {
@@ -94,12 +89,7 @@ pub fn bake(
             BakeView::Camera(_) => &[],
         },
         settings,
-        path: PathSettings {
-            max_depth: settings.max_depth,
-            roulette_from: settings.roulette_from.unwrap_or(u32::MAX),
-            trace_shadow_rays: true,
-            learned: learned.as_ref(),
-        },
+        path: settings.path(true, learned.as_ref()),
     };
     let (rows, columns) = (u64::from(settings.height), u64::from(settings.width));
     let total = rows * columns * u64::from(settings.spp);
