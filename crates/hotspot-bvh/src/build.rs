@@ -101,10 +101,14 @@ pub(crate) fn build<M: AsRef<[[[f32; 3]; 3]]>>(
     let bounds: Vec<Bounds> = placed.iter().map(|p| p.bounds).collect();
     let top = wide_tree(triangles, &bounds, options);
     let bounds = top.bounds;
-    let root = tree.append(top);
+    let mut whole =
+        WideTree::with_capacity(tree.nodes.len() + top.nodes.len(), tree.blocks.len() + top.blocks.len());
+    // First: nothing moves, so that the roots above stay true.
+    whole.append(tree);
+    let root = whole.append(top);
     Ok(Bvh {
-        nodes: tree.nodes,
-        blocks: tree.blocks,
+        nodes: whole.nodes,
+        blocks: whole.blocks,
         root,
         instances: placed,
         bounds,

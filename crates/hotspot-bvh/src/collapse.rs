@@ -6,6 +6,7 @@
 //! forest of at most 8. Costs are surface areas times [`NODE_COST`] or [`BLOCK_COST`]: a block costs the same however
 //! full it is, since its lanes are tested at once. An instance is a leaf of its own.
 
+use crate::huge;
 use crate::node::{Bounds, Child, Node};
 use crate::triangle::{Block, LANES};
 
@@ -42,6 +43,11 @@ pub(crate) struct WideTree {
 }
 
 impl WideTree {
+    /// Room for a finished tree, in memory for tracing.
+    pub(crate) fn with_capacity(nodes: usize, blocks: usize) -> Self {
+        Self { nodes: huge::with_capacity(nodes), blocks: huge::with_capacity(blocks), ..Self::default() }
+    }
+
     /// Takes in another tree's nodes and blocks, and returns where its root is now.
     pub(crate) fn append(&mut self, other: Self) -> Child {
         let (nodes, blocks) = (self.nodes.len() as u32, self.blocks.len() as u32);

@@ -24,6 +24,7 @@
 mod build;
 mod collapse;
 mod filter;
+mod huge;
 mod instance;
 mod node;
 pub mod oracle;

@@ -14,6 +14,13 @@ pub(crate) struct Stack<T: Copy> {
     spilled: Vec<T>,
 }
 
+/// Apart from the stack itself, so that its length can live in a register.
+#[cold]
+#[inline(never)]
+fn spill<T>(spilled: &mut Vec<T>, value: T) {
+    spilled.push(value);
+}
+
 impl<T: Copy> Stack<T> {
     #[inline(always)]
     pub(crate) fn new() -> Self {
@@ -26,14 +33,8 @@ impl<T: Copy> Stack<T> {
             self.inline[self.len] = MaybeUninit::new(value);
             self.len += 1;
         } else {
-            self.spill(value);
+            spill(&mut self.spilled, value);
         }
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn spill(&mut self, value: T) {
-        self.spilled.push(value);
     }
 
     #[inline(always)]

@@ -30,6 +30,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// Runs `f` compiled for this instruction set. `f` and all it calls must be `#[inline(always)]` to profit.
     fn vectorize<R>(self, f: impl FnOnce() -> R) -> R;
 
+    /// Asks for four cache lines that will soon be read; any address will do.
+    fn prefetch(self, from: *const u8);
     /// All lanes the same.
     fn splat(self, value: f32) -> Self::Vector;
     /// From memory.
@@ -42,6 +44,10 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn sub(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// a · b.
     fn mul(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// |a|: without its sign.
+    fn abs(self, a: Self::Vector) -> Self::Vector;
+    /// −a: with the other sign.
+    fn neg(self, a: Self::Vector) -> Self::Vector;
     /// `a < b ? a : b`.
     fn min(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// `a > b ? a : b`.
@@ -118,11 +124,13 @@ mod tests {
     fn all_instruction_sets_agree_bit_for_bit() {
         struct Ops(F8, F8);
         impl WithSimd for Ops {
-            type Output = ([[u32; 8]; 5], u32, u32);
+            type Output = ([[u32; 8]; 7], u32, u32);
             #[inline(always)]
             fn run<S: Simd>(self, s: S) -> Self::Output {
                 let (a, b) = (s.load(&self.0), s.load(&self.1));
-                let results = [s.add(a, b), s.sub(a, b), s.mul(a, b), s.min(a, b), s.max(a, b)];
+                let arithmetic = [s.add(a, b), s.sub(a, b), s.mul(a, b), s.min(a, b), s.max(a, b)];
+                let [sum, difference, product, min, max] = arithmetic;
+                let results = [sum, difference, product, min, max, s.abs(a), s.neg(b)];
                 // The payload of a NaN is not defined by IEEE arithmetic; that it is one is.
                 let bits = |f: f32| if f.is_nan() { 0x7fc0_0000 } else { f.to_bits() };
                 (results.map(|v| s.store(v).0.map(bits)), s.le(a, b), s.lt(a, b))

@@ -23,6 +23,8 @@ impl Simd for Portable {
         f()
     }
     #[inline(always)]
+    fn prefetch(self, _from: *const u8) {}
+    #[inline(always)]
     fn splat(self, value: f32) -> F8 {
         F8([value; 8])
     }
@@ -45,6 +47,14 @@ impl Simd for Portable {
     #[inline(always)]
     fn mul(self, a: F8, b: F8) -> F8 {
         zip(a, b, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn abs(self, a: F8) -> F8 {
+        zip(a, a, |a, _| a.abs())
+    }
+    #[inline(always)]
+    fn neg(self, a: F8) -> F8 {
+        zip(a, a, |a, _| -a)
     }
     #[inline(always)]
     fn min(self, a: F8, b: F8) -> F8 {

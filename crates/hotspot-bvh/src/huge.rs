@@ -1,0 +1,28 @@
+//! Memory on large pages, where the system gives them on request (Linux, `transparent_hugepage` at `madvise`): rays visit
+//! a large tree all over, and most of what they wait for would be page tables. Nothing but speed depends on it.
+
+#![cfg_attr(
+    target_os = "linux",
+    expect(unsafe_code, reason = "madvise; nothing safe asks for large pages of a Vec")
+)]
+
+/// Below this the request is not worth a system call: two large pages.
+#[cfg(target_os = "linux")]
+const WORTHWHILE: usize = 4 << 20;
+
+/// As [`Vec::with_capacity`].
+pub(crate) fn with_capacity<T>(count: usize) -> Vec<T> {
+    let vec = Vec::with_capacity(count);
+    #[cfg(target_os = "linux")]
+    if count.saturating_mul(size_of::<T>()) >= WORTHWHILE {
+        const PAGE: usize = 4096;
+        let start = (vec.as_ptr() as usize).next_multiple_of(PAGE);
+        let end = (vec.as_ptr() as usize + count * size_of::<T>()) / PAGE * PAGE;
+        // SAFETY: the range lies within an allocation of ours, and the advice changes neither its contents nor what may be
+        // done with it. Whether it is taken does not matter.
+        unsafe {
+            libc::madvise(start as *mut libc::c_void, end - start, libc::MADV_HUGEPAGE);
+        }
+    }
+    vec
+}
