@@ -1,6 +1,6 @@
 //! Surfaces that are not there everywhere: a say in which hits count.
 
-use crate::triangle::{RayFrame, details};
+use crate::triangle::{RayFrame, barycentric};
 use hotspot_probe::RayProbe;
 
 /// Decides whether a hit counts, for alpha masks and the like.
@@ -11,6 +11,12 @@ use hotspot_probe::RayProbe;
 pub trait Filter {
     /// False where every hit counts, so that the traversal need not ask.
     const ON: bool;
+    /// Whether hits of a triangle need asking about. Where not, they all count, and [`Filter::accept`] is not called: quick,
+    /// since every hit that would count comes here.
+    #[inline(always)]
+    fn concerns(&self, _instance: u32, _primitive: u32) -> bool {
+        Self::ON
+    }
     /// Whether the hit counts. What finding out costs is told to `probe` ([`RayProbe::alpha`]).
     fn accept<P: RayProbe>(&mut self, candidate: &Candidate<'_>, probe: &mut P) -> bool;
 }
@@ -32,9 +38,32 @@ impl<F: Filter> Filter for &mut F {
     const ON: bool = F::ON;
 
     #[inline(always)]
+    fn concerns(&self, instance: u32, primitive: u32) -> bool {
+        (**self).concerns(instance, primitive)
+    }
+
+    #[inline(always)]
     fn accept<P: RayProbe>(&mut self, candidate: &Candidate<'_>, probe: &mut P) -> bool {
         (**self).accept(candidate, probe)
     }
+}
+
+/// Whether a hit counts, by a filter. Ray and triangle are copied for it where it is asked: references to them would keep both
+/// in memory for all hits.
+#[inline(always)]
+pub(crate) fn counts<F: Filter, P: RayProbe>(
+    filter: &mut F,
+    instance: u32,
+    primitive: u32,
+    frame: &RayFrame,
+    triangle: &[[f32; 3]; 3],
+    probe: &mut P,
+) -> bool {
+    if !F::ON || !filter.concerns(instance, primitive) {
+        return true;
+    }
+    let (frame, triangle) = (*frame, *triangle);
+    filter.accept(&Candidate { instance, primitive, frame: &frame, triangle: &triangle }, probe)
 }
 
 /// A hit that may come to count.
@@ -62,7 +91,6 @@ impl Candidate<'_> {
     /// Barycentric weights of the triangle's second and third vertex, as in [`crate::Hit`].
     #[inline(always)]
     pub fn barycentric(&self) -> (f32, f32) {
-        let (u, v, _) = details(self.frame, self.triangle);
-        (u, v)
+        barycentric(self.frame, self.triangle)
     }
 }

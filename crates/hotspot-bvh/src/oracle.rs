@@ -1,13 +1,13 @@
 //! The slow, obvious twins of the traversal: recursion and plain loops, for tests.
 
 use crate::Bvh;
-use crate::filter::{Candidate, Filter, NoFilter};
+use crate::filter::{Filter, NoFilter, counts};
 use crate::instance::{clamped, search_limit};
 use crate::node::Child;
 use crate::ray::{Hit, NO_INSTANCE, Ray};
 use crate::simd::{F8, Portable};
 use crate::traverse::SlabTest;
-use crate::triangle::{NO_PRIMITIVE, RayFrame, confirm, details};
+use crate::triangle::{NO_PRIMITIVE, RayFrame, confirm, details, normal};
 use hotspot_probe::NoProbe;
 
 /// Tests every triangle: no tree at all. `triangles` as given to the build.
@@ -19,7 +19,8 @@ pub fn brute_force(triangles: &[[[f32; 3]; 3]], ray: &Ray) -> Option<Hit> {
 pub fn brute_force_filtered<F: Filter>(triangles: &[[[f32; 3]; 3]], ray: &Ray, mut filter: F) -> Option<Hit> {
     let frame = RayFrame::new(ray);
     let (t, primitive) = loop_over(triangles, &frame, NO_INSTANCE, &mut filter)?;
-    let (u, v, normal) = details(&frame, &triangles[primitive as usize]);
+    let (u, v, normal) =
+        details(&frame, &triangles[primitive as usize], normal(&triangles[primitive as usize]));
     Some(Hit { t, u, v, primitive, instance: NO_INSTANCE, normal })
 }
 
@@ -38,7 +39,7 @@ fn loop_over<F: Filter>(
         let primitive = index as u32;
         if let Some(t) = confirm(frame, triangle, frame.ray.t_max)
             && t < best.map_or(frame.ray.t_max, |b| b.0)
-            && filter.accept(&Candidate { instance, primitive, frame, triangle }, &mut NoProbe)
+            && counts(filter, instance, primitive, frame, triangle, &mut NoProbe)
         {
             best = Some((t, primitive));
         }
@@ -67,7 +68,8 @@ pub fn brute_force_instanced<F: Filter>(
         let Some((t, primitive)) = loop_over(mesh, &inside, index as u32, &mut filter) else { continue };
         let t = clamped(t, interval);
         if t < best.map_or(ray.t_max, |b| b.t) {
-            let (u, v, normal) = details(&inside, &mesh[primitive as usize]);
+            let triangle = &mesh[primitive as usize];
+            let (u, v, normal) = details(&inside, triangle, normal(triangle));
             let normal = placed.world_normal(normal);
             best = Some(Hit { t, u, v, primitive, instance: index as u32, normal });
         }
@@ -186,8 +188,7 @@ impl<F: Filter> Search<'_, F> {
     }
 
     fn accepts(&mut self, space: Space<'_>, primitive: u32, triangle: &[[f32; 3]; 3]) -> bool {
-        let candidate = Candidate { instance: space.instance, primitive, frame: space.frame, triangle };
-        self.filter.accept(&candidate, &mut NoProbe)
+        counts(&mut self.filter, space.instance, primitive, space.frame, triangle, &mut NoProbe)
     }
 
     fn nearest(&mut self, space: Space<'_>, child: Child, near: f32, end: End, best: &mut Option<Found>) {

@@ -8,7 +8,7 @@
 //! where a tree has none. A [`Filter`] is asked about each hit that would count.
 
 use crate::Bvh;
-use crate::filter::{Candidate, Filter};
+use crate::filter::{Filter, counts};
 use crate::instance::{clamped, search_limit};
 use crate::node::{Child, Node};
 use crate::ray::{Hit, NO_INSTANCE, Ray};
@@ -46,6 +46,8 @@ pub(crate) struct SlabTest<S: Simd> {
     /// For the far sides of nodes' boxes ([`RayFrame::inverse_far`]).
     inverse_far: [S::Vector; 3],
     down: [bool; 3],
+    /// The same, for all lanes.
+    down_lanes: [S::Vector; 3],
     t_min: S::Vector,
 }
 
@@ -60,6 +62,7 @@ impl<S: Simd> SlabTest<S> {
             inverse: [s.splat(i[0]), s.splat(i[1]), s.splat(i[2])],
             inverse_far: [s.splat(f[0]), s.splat(f[1]), s.splat(f[2])],
             down: frame.down,
+            down_lanes: [s.fill(frame.down[0]), s.fill(frame.down[1]), s.fill(frame.down[2])],
             // No distance is −0.0 then: `max` keeps its second operand when both are zero.
             t_min: s.splat(frame.ray.t_min + 0.0),
         }
@@ -106,11 +109,11 @@ impl<S: Simd> SlabTest<S> {
         let mut enter = s.splat(0.0);
         let mut leave = s.splat(f32::INFINITY);
         for axis in 0..3 {
-            let extent = block.extent(s, axis);
-            let side = usize::from(self.down[axis]);
+            let [low, high] = block.extent(s, axis);
+            let (near, far) = s.swap_where(self.down_lanes[axis], low, high);
             let plane = |bound| s.mul(s.sub(bound, self.origin[axis]), self.inverse[axis]);
-            enter = s.max(plane(extent[side]), enter);
-            leave = s.min(plane(extent[1 - side]), leave);
+            enter = s.max(plane(near), enter);
+            leave = s.min(plane(far), leave);
         }
         let near = s.max(enter, self.t_min);
         let far = s.min(s.mul(leave, s.splat(FAR_PAD)), s.splat(t_max));
@@ -123,16 +126,21 @@ impl<S: Simd> SlabTest<S> {
 }
 
 impl Candidates {
-    /// The next lane, and where its triangle is hit by `t_max`.
+    /// The next lane, and where its triangle is hit by `t_max`, with the normal.
     #[inline(always)]
-    fn next(&mut self, block: &Block, frame: &RayFrame, t_max: f32) -> (usize, [[f32; 3]; 3], Option<f32>) {
+    fn next(
+        &mut self,
+        block: &Block,
+        frame: &RayFrame,
+        t_max: f32,
+    ) -> (usize, [[f32; 3]; 3], Option<(f32, [f64; 3])>) {
         let lane = self.lanes.trailing_zeros() as usize & 7;
         self.lanes &= self.lanes - 1;
         let triangle = block.triangle(lane);
         let inside = self.inside >> lane & 1 != 0;
         let interval = (self.enter.0[lane], self.leave.0[lane]);
-        let t = decide(frame, &triangle, interval, inside, t_max);
-        (lane, triangle, t)
+        let hit = decide(frame, &triangle, interval, inside, t_max);
+        (lane, triangle, hit)
     }
 }
 
@@ -170,13 +178,23 @@ struct Best {
     block: usize,
     lane: usize,
     found: bool,
+    /// Of the triangle, in its space, unnormalised.
+    normal: [f64; 3],
 }
 
 impl Best {
     /// Nothing yet. Something at `t_max` itself does not count: it would need an index below 0 to win the tie.
     #[inline(always)]
     fn none(t_max: f32) -> Self {
-        Self { t: t_max, primitive: 0, instance: NO_INSTANCE, block: 0, lane: 0, found: false }
+        Self {
+            t: t_max,
+            primitive: 0,
+            instance: NO_INSTANCE,
+            block: 0,
+            lane: 0,
+            found: false,
+            normal: [0.0; 3],
+        }
     }
 }
 
@@ -204,10 +222,10 @@ pub(crate) fn closest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
     let (u, v, normal) = if INSTANCED && best.instance != NO_INSTANCE {
         let placed = &bvh.instances[best.instance as usize];
         let frame = RayFrame::new(&placed.object_ray(ray, (0.0, 0.0), f32::INFINITY));
-        let (u, v, normal) = details(&frame, &triangle);
+        let (u, v, normal) = details(&frame, &triangle, best.normal);
         (u, v, placed.world_normal(normal))
     } else {
-        details(&frame, &triangle)
+        details(&frame, &triangle, best.normal)
     };
     Some(Hit { t: best.t, u, v, primitive: best.primitive, instance: best.instance, normal })
 }
@@ -240,22 +258,21 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
             let index = current.index();
             let block = &bvh.blocks[index];
             if P::ON {
-                probe.leaf(index as u32, block.count());
+                probe.leaf(index as u32, block.count(s));
             }
             let mut candidates = slabs.candidates(s, block, frame, best.t);
             while let Some(left) = &mut candidates
                 && left.lanes != 0
             {
                 let (lane, triangle, hit) = left.next(block, frame, best.t);
-                if let Some(t) = hit {
+                if let Some((t, normal)) = hit {
                     let primitive = block.primitives[lane];
                     // Triangles of the world win ties against those of instances.
                     let wins_ties = primitive < best.primitive || (INSTANCED && best.instance != NO_INSTANCE);
-                    if t < best.t || wins_ties {
-                        let candidate = Candidate { instance, primitive, frame, triangle: &triangle };
-                        if !F::ON || filter.accept(&candidate, probe) {
-                            best = Best { t, primitive, instance, block: index, lane, found: true };
-                        }
+                    if (t < best.t || wins_ties)
+                        && counts(filter, instance, primitive, frame, &triangle, probe)
+                    {
+                        best = Best { t, primitive, instance, block: index, lane, found: true, normal };
                     }
                 }
             }
@@ -419,17 +436,16 @@ fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
             let index = current.index();
             let block = &bvh.blocks[index];
             if P::ON {
-                probe.leaf(index as u32, block.count());
+                probe.leaf(index as u32, block.count(s));
             }
             let mut candidates = slabs.candidates(s, block, frame, t_max);
             while let Some(left) = &mut candidates
                 && left.lanes != 0
             {
                 let (lane, triangle, hit) = left.next(block, frame, t_max);
-                if hit.is_some_and(|t| t < t_max) {
+                if hit.is_some_and(|(t, _)| t < t_max) {
                     let primitive = block.primitives[lane];
-                    let candidate = Candidate { instance, primitive, frame, triangle: &triangle };
-                    if !F::ON || filter.accept(&candidate, probe) {
+                    if counts(filter, instance, primitive, frame, &triangle, probe) {
                         return true;
                     }
                 }

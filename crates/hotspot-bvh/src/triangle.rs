@@ -135,10 +135,11 @@ impl Block {
         block
     }
 
-    /// Triangles held.
+    /// Triangles held. Told by the vertices, NaN in unused lanes, as [`Node::count`](crate::node::Node::count) is by boxes.
     #[inline(always)]
-    pub(crate) fn count(&self) -> u32 {
-        self.primitives.iter().map(|&p| u32::from(p != NO_PRIMITIVE)).sum()
+    pub(crate) fn count<S: Simd>(&self, s: S) -> u32 {
+        let x = s.load(&self.vertices[0][0]);
+        s.le(x, x).count_ones()
     }
 
     #[inline(always)]
@@ -263,10 +264,11 @@ pub(crate) fn confirm(frame: &RayFrame, triangle: &[[f32; 3]; 3], t_max: f32) ->
     if !passes {
         return None;
     }
-    decide(frame, triangle, (enter, leave), false, t_max)
+    decide(frame, triangle, (enter, leave), false, t_max).map(|(t, _)| t)
 }
 
-/// [`confirm`] for a triangle that passes rule 2, with that rule's interval; `inside`: it surely passes rule 1 as well.
+/// [`confirm`] for a triangle that passes rule 2, with that rule's interval; `inside`: it surely passes rule 1 as well. With t
+/// the triangle's unnormalised normal, for [`details`].
 #[inline(always)]
 pub(crate) fn decide(
     frame: &RayFrame,
@@ -274,13 +276,13 @@ pub(crate) fn decide(
     (enter, leave): (f32, f32),
     inside: bool,
     t_max: f32,
-) -> Option<f32> {
+) -> Option<(f32, [f64; 3])> {
     let o = frame.ray.origin;
     let d = frame.ray.direction;
     let t_min = frame.ray.t_min;
 
     // Rule 1.
-    if !inside && !passes_edges(frame, triangle) {
+    if !inside && !passes_edges(*frame, *triangle) {
         return None;
     }
 
@@ -297,14 +299,15 @@ pub(crate) fn decide(
     let t = if plane_t < enter { enter } else { plane_t };
     let t = if t > leave { leave } else { t };
     // One branch, since each condition alone is a coin toss.
-    ((plane_t > 0.0) & (t > t_min) & (t <= t_max)).then_some(t)
+    ((plane_t > 0.0) & (t > t_min) & (t <= t_max)).then_some((t, n))
 }
 
-/// Rule 1 in f64: seldom needed, so it is kept out of the way.
+/// Rule 1 in f64: seldom needed, so it is kept out of the way. By value: a reference would keep ray and triangle in memory
+/// for all the rays that never come here.
 #[cold]
 #[inline(never)]
-fn passes_edges(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> bool {
-    let (u, v, w) = edges(frame, triangle);
+fn passes_edges(frame: RayFrame, triangle: [[f32; 3]; 3]) -> bool {
+    let (u, v, w) = edges(&frame, &triangle);
     let inside = (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
     inside && u + v + w != 0.0
 }
@@ -319,10 +322,11 @@ fn plane(triangle: &[[f32; 3]; 3]) -> ([f64; 3], [f64; 3]) {
     ([e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2], e1[0] * e2[1] - e1[1] * e2[0]], v0)
 }
 
-/// Barycentric weights of the second and third vertex, and the unit normal: for the winner only, in f64.
+/// Barycentric weights of the second and third vertex, and the unit normal: for the winner only, in f64. `n`: what [`decide`]
+/// returned.
 #[inline(always)]
-pub(crate) fn details(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> (f32, f32, [f32; 3]) {
-    let (n, _) = plane(triangle);
+pub(crate) fn details(frame: &RayFrame, triangle: &[[f32; 3]; 3], n: [f64; 3]) -> (f32, f32, [f32; 3]) {
+    let (u, v) = barycentric(frame, triangle);
     let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
     let normal = if length > 0.0 {
         let scale = 1.0 / length;
@@ -330,12 +334,24 @@ pub(crate) fn details(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> (f32, f32, 
     } else {
         [0.0; 3]
     };
+    (u, v, normal)
+}
+
+/// Barycentric weights of the second and third vertex.
+#[inline(always)]
+pub(crate) fn barycentric(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> (f32, f32) {
     let (u, v, w) = edges(frame, triangle);
     let sum = u + v + w;
     // u belongs to the first vertex, v to the second, w to the third. All have one sign and their sum is not 0.
     let second = v / sum;
     let third = (w / sum).min(1.0 - second);
-    (second as f32, third as f32, normal)
+    (second as f32, third as f32)
+}
+
+/// Unnormalised normal (edge 1 × edge 2).
+#[inline(always)]
+pub(crate) fn normal(triangle: &[[f32; 3]; 3]) -> [f64; 3] {
+    plane(triangle).0
 }
 
 #[cfg(test)]
@@ -369,7 +385,7 @@ mod tests {
                 let block = Block::new((0u32..).zip(triangles.iter().copied()));
                 let (may, surely) = block.candidates(Portable, &frame);
                 for (lane, triangle) in triangles.iter().enumerate() {
-                    let inside = passes_edges(&frame, triangle);
+                    let inside = passes_edges(frame, *triangle);
                     let (may, surely) = (may >> lane & 1 != 0, surely >> lane & 1 != 0);
                     assert!(
                         may || !inside,

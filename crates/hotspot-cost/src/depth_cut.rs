@@ -42,12 +42,15 @@ impl DepthCut {
         }
     }
 
-    /// Adds light that could have been scattered `left` times more.
+    /// Adds light that could have been scattered `left` times more; whether that is among the terms kept.
     #[inline(always)]
-    pub(crate) fn arrive(&mut self, left: u32, luminance: f32) {
-        if let Some(term) = self.last.get_mut(left as usize) {
+    pub(crate) fn arrive(&mut self, left: u32, luminance: f32) -> bool {
+        let term = self.last.get_mut(left as usize);
+        let kept = term.is_some();
+        if let Some(term) = term {
             *term += f64::from(luminance);
         }
+        kept
     }
 }
 

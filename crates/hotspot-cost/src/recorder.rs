@@ -309,7 +309,9 @@ struct PathCounts {
     texture: u64,
     texture_bytes: u64,
     alpha_tests: u64,
+    /// Light among the last terms before the depth limit, and whether there was any.
     cut: DepthCut,
+    near_limit: bool,
 }
 
 /// The counts of one or more rays.
@@ -395,7 +397,8 @@ impl PathRecorder<'_> {
         pixel.add(Counter::WasteNodes, waste_nodes);
         pixel.add(Counter::WasteShapes, waste_shapes);
         pixel.add(end.cause.counter(), 1);
-        let (rays, nodes, shapes) = (path.rays as f64, nodes as f64, shapes as f64);
+        // By way of i64, one instruction each: nothing is ever as large as its sign bit.
+        let (rays, nodes, shapes) = (path.rays as i64 as f64, nodes as i64 as f64, shapes as i64 as f64);
         pixel.squares[0] += rays * rays;
         pixel.squares[1] += nodes * nodes;
         pixel.squares[2] += shapes * shapes;
@@ -404,8 +407,8 @@ impl PathRecorder<'_> {
         if end.cause == Cause::DepthLimit {
             pixel.cut.throughput += f64::from(end.throughput);
         }
-        // Radiance that is not finite counts as none.
-        if end.brought_radiance {
+        // Radiance that is not finite counts as none; few paths find light so near the limit.
+        if path.near_limit && end.brought_radiance {
             pixel.cut.add(&path.cut);
         }
         if pixel.samples == 0 {
@@ -447,7 +450,7 @@ impl Probe for PathRecorder<'_> {
 
     #[inline(always)]
     fn light(&mut self, left: u32, luminance: f32) {
-        self.path.cut.arrive(left, luminance);
+        self.path.near_limit |= self.path.cut.arrive(left, luminance);
     }
 }
 

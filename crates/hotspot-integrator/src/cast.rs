@@ -22,8 +22,8 @@ pub(crate) fn closest_hit<S: Simd, R: RayProbe, C: Class>(
 ) -> Option<Hit> {
     #[cfg(test)]
     crate::kernel::ray_counts::record(ray, sampler.ray_key(2 * bounce), false);
-    if has::<C>(Feature::Cutouts) && scene.cutouts {
-        let filter = Cutouts { scene, ray_key: sampler.ray_key(2 * bounce) };
+    if has::<C>(Feature::Cutouts) && scene.cutouts.any() {
+        let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce) };
         scene.bvh.closest_hit_filtered(simd, ray, filter, probe)
     } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
         scene.bvh.closest_hit_filtered(simd, ray, NoFilter, probe)
@@ -44,8 +44,8 @@ pub(crate) fn occluded<S: Simd, R: RayProbe, C: Class>(
 ) -> bool {
     #[cfg(test)]
     crate::kernel::ray_counts::record(ray, sampler.ray_key(2 * bounce + 1), true);
-    if has::<C>(Feature::Cutouts) && scene.cutouts {
-        let filter = Cutouts { scene, ray_key: sampler.ray_key(2 * bounce + 1) };
+    if has::<C>(Feature::Cutouts) && scene.cutouts.any() {
+        let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce + 1) };
         scene.bvh.occluded_filtered(simd, ray, filter, probe)
     } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
         scene.bvh.occluded_filtered(simd, ray, NoFilter, probe)

@@ -1,11 +1,12 @@
 //! Surfaces that are not there everywhere: alpha masks and alpha blending, resolved during traversal.
 
 use crate::class::FullClass;
-use crate::geometry::{Attributes, Surface};
+use crate::geometry::{Attributes, Geometry, Surface};
 use crate::sampler::hash;
 use crate::scene::RenderScene;
 use crate::texture::scalar_counted;
-use hotspot_bvh::{Candidate, Filter};
+use hotspot_bvh::simd::Simd;
+use hotspot_bvh::{Candidate, Filter, NO_INSTANCE};
 use hotspot_probe::{NONE, RayProbe};
 use hotspot_scene::{Alpha, Material};
 
@@ -27,35 +28,93 @@ pub(crate) fn presence(scene: &RenderScene, material: &Material, point: &Attribu
     }
 }
 
+/// Which triangles are not there everywhere: one bit for each triangle of the world, so that a traversal finds out without
+/// looking into the geometry. Empty where there is no such triangle, neither in the world nor in instances.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct CutoutTriangles {
+    bits: Vec<u64>,
+    any: bool,
+}
+
+impl CutoutTriangles {
+    pub(crate) fn of(geometry: &Geometry) -> Self {
+        if !geometry.has_cutouts() {
+            return Self::default();
+        }
+        let mut bits = vec![0u64; geometry.world_triangles().div_ceil(64)];
+        for triangle in 0..geometry.world_triangles() {
+            bits[triangle / 64] |= u64::from(geometry.part(triangle as u32).cutout) << (triangle % 64);
+        }
+        Self { bits, any: true }
+    }
+
+    /// Whether some surface is not there everywhere.
+    #[inline(always)]
+    pub(crate) fn any(&self) -> bool {
+        self.any
+    }
+
+    /// Bytes held.
+    pub(crate) fn memory(&self) -> u64 {
+        size_of_val(&self.bits[..]) as u64
+    }
+
+    #[inline(always)]
+    fn contains(&self, triangle: u32) -> bool {
+        self.bits[triangle as usize / 64] >> (triangle % 64) & 1 != 0
+    }
+}
+
 /// Lets a ray pass where surfaces are not there. Where a surface blends, each ray meets it with probability alpha: decided
 /// by a hash of the ray and the triangle, so that the answer does not depend on the order of visits.
 #[derive(Clone, Copy)]
-pub(crate) struct Cutouts<'a> {
+pub(crate) struct Cutouts<'a, S> {
+    pub(crate) simd: S,
     pub(crate) scene: &'a RenderScene,
     /// Of pixel, sample and ray.
     pub(crate) ray_key: u32,
 }
 
-impl Filter for Cutouts<'_> {
+impl<S: Simd> Filter for Cutouts<'_, S> {
     const ON: bool = true;
 
     #[inline(always)]
-    fn accept<P: RayProbe>(&mut self, candidate: &Candidate<'_>, probe: &mut P) -> bool {
-        let scene = self.scene;
-        let surface: Surface<'_> = scene.geometry.surface(candidate.instance(), candidate.primitive());
-        if !surface.part.cutout {
-            return true;
+    fn concerns(&self, instance: u32, primitive: u32) -> bool {
+        if instance == NO_INSTANCE {
+            self.scene.cutouts.contains(primitive)
+        } else {
+            self.scene.geometry.surface(instance, primitive).part.cutout
         }
-        let (u, v) = candidate.barycentric();
-        let point = scene.geometry.attributes::<FullClass>(surface, u, v);
-        let material = &scene.materials[surface.part.material as usize];
-        let (share, lookups, bytes) = presence(scene, material, &point);
-        probe.alpha(lookups, bytes);
-        if share >= 1.0 || share <= 0.0 {
-            return share >= 1.0;
-        }
-        let instance = candidate.instance().wrapping_sub(NONE);
-        let number = hash(candidate.primitive(), hash(instance, self.ray_key));
-        ((number >> 8) as f32) * (1.0 / 16_777_216.0) < share
     }
+
+    /// Not inlined: few hits are on such triangles, and the traversal needs its registers.
+    #[inline(never)]
+    fn accept<P: RayProbe>(&mut self, candidate: &Candidate<'_>, probe: &mut P) -> bool {
+        let Self { simd, scene, ray_key } = *self;
+        simd.vectorize(
+            #[inline(always)]
+            || is_there(scene, ray_key, candidate, probe),
+        )
+    }
+}
+
+#[inline(always)]
+fn is_there<P: RayProbe>(
+    scene: &RenderScene,
+    ray_key: u32,
+    candidate: &Candidate<'_>,
+    probe: &mut P,
+) -> bool {
+    let surface: Surface<'_> = scene.geometry.surface(candidate.instance(), candidate.primitive());
+    let (u, v) = candidate.barycentric();
+    let point = scene.geometry.attributes::<FullClass>(surface, u, v);
+    let material = &scene.materials[surface.part.material as usize];
+    let (share, lookups, bytes) = presence(scene, material, &point);
+    probe.alpha(lookups, bytes);
+    if share >= 1.0 || share <= 0.0 {
+        return share >= 1.0;
+    }
+    let instance = candidate.instance().wrapping_sub(NONE);
+    let number = hash(candidate.primitive(), hash(instance, ray_key));
+    ((number >> 8) as f32) * (1.0 / 16_777_216.0) < share
 }

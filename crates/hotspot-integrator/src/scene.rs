@@ -2,6 +2,7 @@
 
 use crate::check::check;
 use crate::class::SceneClass;
+use crate::cutout::CutoutTriangles;
 use crate::geometry::{Geometry, Instancing};
 use crate::light::{Lights, Surroundings, bounding_radius};
 use crate::texture::Texture;
@@ -67,8 +68,7 @@ pub struct RenderScene {
     pub(crate) textures: Vec<Texture>,
     pub(crate) lights: Lights,
     pub(crate) bvh: Bvh,
-    /// Some surface is not there everywhere.
-    pub(crate) cutouts: bool,
+    pub(crate) cutouts: CutoutTriangles,
     /// Render with kernels that lack this.
     #[cfg(hotspot_ablation)]
     pub(crate) without: Option<crate::class::Feature>,
@@ -152,7 +152,7 @@ impl RenderScene {
             });
         }
         let class = SceneClass::of(scene);
-        let geometry_has_cutouts = geometry.has_cutouts();
+        let cutouts = CutoutTriangles::of(&geometry);
         Ok(Self {
             geometry,
             materials: scene.materials.clone(),
@@ -162,7 +162,7 @@ impl RenderScene {
             #[cfg(hotspot_ablation)]
             without: None,
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
-            cutouts: geometry_has_cutouts,
+            cutouts,
             class,
             repairs,
             default_environment,
@@ -256,7 +256,7 @@ impl RenderScene {
     /// Bytes held.
     pub fn memory(&self) -> SceneMemory {
         SceneMemory {
-            geometry: self.geometry.memory() + self.lights.memory(),
+            geometry: self.geometry.memory() + self.cutouts.memory() + self.lights.memory(),
             bvh: self.bvh.memory(),
             textures: self.textures.iter().map(Texture::memory).sum::<u64>() + self.lights.map_memory(),
         }

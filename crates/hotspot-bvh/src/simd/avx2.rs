@@ -7,9 +7,9 @@
 
 use super::{F8, Simd};
 use core::arch::x86_64::{
-    __m256, _CMP_LE_OQ, _CMP_LT_OQ, _MM_HINT_T0, _mm_prefetch, _mm256_add_ps, _mm256_andnot_ps,
-    _mm256_cmp_ps, _mm256_load_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps,
-    _mm256_set1_ps, _mm256_store_ps, _mm256_sub_ps, _mm256_xor_ps,
+    __m256, _CMP_LE_OQ, _CMP_LT_OQ, _MM_HINT_T0, _mm_prefetch, _mm256_add_ps, _mm256_and_ps,
+    _mm256_andnot_ps, _mm256_cmp_ps, _mm256_load_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps,
+    _mm256_mul_ps, _mm256_set1_ps, _mm256_store_ps, _mm256_sub_ps, _mm256_xor_ps,
 };
 
 /// Proof that the processor has AVX2, BMI1, BMI2, LZCNT and POPCNT.
@@ -94,6 +94,19 @@ impl Simd for Avx2 {
     fn neg(self, a: __m256) -> __m256 {
         // SAFETY: `self` proves AVX2.
         unsafe { _mm256_xor_ps(_mm256_set1_ps(-0.0), a) }
+    }
+    #[inline(always)]
+    fn fill(self, bits: bool) -> __m256 {
+        self.splat(f32::from_bits(u32::from(bits).wrapping_neg()))
+    }
+    #[inline(always)]
+    fn swap_where(self, mask: __m256, a: __m256, b: __m256) -> (__m256, __m256) {
+        // Three steps of one cycle each; a blend takes as long, and there would be two.
+        // SAFETY: `self` proves AVX2.
+        unsafe {
+            let differ = _mm256_and_ps(_mm256_xor_ps(a, b), mask);
+            (_mm256_xor_ps(a, differ), _mm256_xor_ps(b, differ))
+        }
     }
     #[inline(always)]
     fn min(self, a: __m256, b: __m256) -> __m256 {

@@ -48,6 +48,11 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn abs(self, a: Self::Vector) -> Self::Vector;
     /// −a: with the other sign.
     fn neg(self, a: Self::Vector) -> Self::Vector;
+    /// All bits of all lanes, or none.
+    fn fill(self, bits: bool) -> Self::Vector;
+    /// `(a, b)`; where a lane of `mask` is full of bits, `(b, a)`.
+    fn swap_where(self, mask: Self::Vector, a: Self::Vector, b: Self::Vector)
+    -> (Self::Vector, Self::Vector);
     /// `a < b ? a : b`.
     fn min(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// `a > b ? a : b`.
@@ -124,13 +129,17 @@ mod tests {
     fn all_instruction_sets_agree_bit_for_bit() {
         struct Ops(F8, F8);
         impl WithSimd for Ops {
-            type Output = ([[u32; 8]; 7], u32, u32);
+            type Output = ([[u32; 8]; 11], u32, u32);
             #[inline(always)]
             fn run<S: Simd>(self, s: S) -> Self::Output {
                 let (a, b) = (s.load(&self.0), s.load(&self.1));
                 let arithmetic = [s.add(a, b), s.sub(a, b), s.mul(a, b), s.min(a, b), s.max(a, b)];
                 let [sum, difference, product, min, max] = arithmetic;
-                let results = [sum, difference, product, min, max, s.abs(a), s.neg(b)];
+                let (straight, crossed) =
+                    (s.swap_where(s.fill(false), a, b), s.swap_where(s.fill(true), a, b));
+                let swapped = [straight.0, straight.1, crossed.0, crossed.1];
+                let [p, q, r, t] = swapped;
+                let results = [sum, difference, product, min, max, s.abs(a), s.neg(b), p, q, r, t];
                 // The payload of a NaN is not defined by IEEE arithmetic; that it is one is.
                 let bits = |f: f32| if f.is_nan() { 0x7fc0_0000 } else { f.to_bits() };
                 (results.map(|v| s.store(v).0.map(bits)), s.le(a, b), s.lt(a, b))

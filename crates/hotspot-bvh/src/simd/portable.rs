@@ -57,6 +57,17 @@ impl Simd for Portable {
         zip(a, a, |a, _| -a)
     }
     #[inline(always)]
+    fn fill(self, bits: bool) -> F8 {
+        F8([f32::from_bits(u32::from(bits).wrapping_neg()); 8])
+    }
+    #[inline(always)]
+    fn swap_where(self, mask: F8, a: F8, b: F8) -> (F8, F8) {
+        let full = |lane: usize| mask.0[lane].to_bits() != 0;
+        let choose =
+            |a: F8, b: F8| F8(core::array::from_fn(|lane| if full(lane) { b.0[lane] } else { a.0[lane] }));
+        (choose(a, b), choose(b, a))
+    }
+    #[inline(always)]
     fn min(self, a: F8, b: F8) -> F8 {
         zip(a, b, |a, b| if a < b { a } else { b })
     }

@@ -11,6 +11,7 @@ use crate::cutout::Cutouts;
 use crate::path::{PathResult, PathSettings};
 use crate::{Control, Gather, Instancing, PrepareOptions, RenderScene, Settings, render};
 use hotspot_bvh::oracle::{self, Counts};
+use hotspot_bvh::simd::Portable;
 use hotspot_bvh::simd::{Simd, WithSimd, dispatch};
 use hotspot_bvh::{Candidate, Filter, Ray, RayProbe};
 use hotspot_cost::Counter;
@@ -86,11 +87,15 @@ impl Probe for Listener {
     fn texture(&mut self, _lookups: u32, _bytes: u32) {}
 }
 
-/// The scene's filter, with the alpha tests that the oracle asks for.
-struct Asked<'a, 'b>(Cutouts<'a>, RayListener<'b>);
+/// The scene's filter, with the alpha tests that the oracle asks for; which triangles it concerns it learns from their parts.
+struct Asked<'a, 'b>(Cutouts<'a, Portable>, RayListener<'b>);
 
 impl Filter for Asked<'_, '_> {
     const ON: bool = true;
+
+    fn concerns(&self, instance: u32, primitive: u32) -> bool {
+        self.0.scene.geometry.surface(instance, primitive).part.cutout
+    }
 
     fn accept<P: RayProbe>(&mut self, candidate: &Candidate<'_>, _probe: &mut P) -> bool {
         self.0.accept(candidate, &mut self.1)
@@ -99,7 +104,10 @@ impl Filter for Asked<'_, '_> {
 
 fn by_oracle(scene: &RenderScene, cast: &Cast) -> Cost {
     let mut unused = Vec::new();
-    let mut filter = Asked(Cutouts { scene, ray_key: cast.key }, RayListener(&mut unused, Cost::default()));
+    let mut filter = Asked(
+        Cutouts { simd: Portable, scene, ray_key: cast.key },
+        RayListener(&mut unused, Cost::default()),
+    );
     let (hit, counts) = if cast.shadow {
         oracle::occluded_filtered(&scene.bvh, &cast.ray, &mut filter)
     } else {
