@@ -7,7 +7,9 @@
 //! Along each axis everything else stays as it is: a hall of 100,000 triangles and 2 light triangles, 128 × 128 pixels, 8
 //! samples, all threads, depth 15. The sizes of an axis are rendered in turns, there and back, so that a drifting machine
 //! does not bend the curve; medians of the rounds. Exponents are slopes on logarithmic axes with their standard errors. `--most` bounds
-//! triangles (20,000,000 take 6 GB). Writes `scaling.json` and a plot for each axis.
+//! triangles (20,000,000 take 6 GB). Writes `scaling.AXIS.json` and a plot for each axis.
+//!
+//! Threads beside Mitsuba's: `benches/peers/threads.py`.
 #![expect(clippy::print_stdout, reason = "it prints tables")]
 
 use hotspot_benches::scaling::{exponent, hall};
@@ -52,6 +54,13 @@ fn run(prepared: &Prepared, load: Load) -> (f64, u64) {
     settings.spp = load.spp;
     let rendered = pool.install(|| render(&prepared.scene, &prepared.camera, &settings, Control::default()));
     (rendered.seconds, rendered.frame.memory())
+}
+
+/// The most memory that this process has held at once, scene included, in bytes; `None` where the system does not say.
+fn peak() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix(" kB")?.parse::<f64>().ok().map(|kib| 1024.0 * kib)
 }
 
 /// One curve.
@@ -160,7 +169,7 @@ fn axes(o: &Options) -> Vec<Axis> {
     }
     // Along an axis of scenes.
     let scenes = |name, x, sizes: Vec<u64>, make: &dyn Fn(u64) -> Prepared| {
-        let (mut trace, mut build, mut bytes) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut trace, mut build, mut bytes, mut peaks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for size in sizes {
             let prepared = make(size);
             let seconds = medians(o.rounds, 1, |_| run(&prepared, usual).0)[0];
@@ -169,16 +178,20 @@ fn axes(o: &Options) -> Vec<Axis> {
             trace.push((size as f64, 1e6 * seconds / samples(usual)));
             build.push((size as f64, prepared.seconds));
             bytes.push((size as f64, (memory.geometry + memory.bvh) as f64 / triangles));
+            // Sizes rise, so that the peak is of the present one; below a million the rest of the process counts.
+            if let Some(peak) = peak().filter(|_| triangles >= 9e5) {
+                peaks.push((size as f64, peak / triangles));
+            }
         }
-        Axis {
-            name,
-            x,
-            series: vec![
-                Series { what: "time per sample", unit: "µs", points: trace },
-                Series { what: "preparing", unit: "s", points: build },
-                Series { what: "geometry and tree per triangle", unit: "bytes", points: bytes },
-            ],
+        let mut series = vec![
+            Series { what: "time per sample", unit: "µs", points: trace },
+            Series { what: "preparing", unit: "s", points: build },
+            Series { what: "geometry and tree per triangle", unit: "bytes", points: bytes },
+        ];
+        if !peaks.is_empty() {
+            series.push(Series { what: "peak of the process per triangle", unit: "bytes", points: peaks });
         }
+        Axis { name, x, series }
     };
     if wanted("triangles") {
         let sizes = [1000, 10_000, 100_000, 1_000_000, 4_000_000, 20_000_000];
@@ -197,8 +210,8 @@ fn main() {
     if let Err(e) = std::fs::create_dir_all(&o.folder) {
         panic!("{}: {e}", o.folder.display());
     }
-    let mut json = Vec::new();
     for axis in axes(&o) {
+        let mut json = Vec::new();
         println!("\n{} ({} rounds)", axis.name, o.rounds);
         for series in &axis.series {
             let row: Vec<String> = series.points.iter().map(|(x, y)| format!("{x}: {y:.4}")).collect();
@@ -229,8 +242,8 @@ fn main() {
             guide: None,
         };
         write(&o, &format!("scaling.{}.svg", axis.name), &plot.svg());
+        write(&o, &format!("scaling.{}.json", axis.name), &format!("[\n{}\n]\n", json.join(",\n")));
     }
-    write(&o, "scaling.json", &format!("[\n{}\n]\n", json.join(",\n")));
 }
 
 fn write(o: &Options, name: &str, text: &str) {
