@@ -158,7 +158,7 @@ impl Axis {
     }
 
     /// Values and whether they get a label: powers of ten, and 2 and 5 times them where there is room. Where that labels fewer
-    /// than three, even steps.
+    /// than three within a decade, even steps.
     fn ticks(self) -> Vec<(f64, bool)> {
         let decades = self.hi - self.lo;
         let mut ticks = Vec::new();
@@ -171,7 +171,8 @@ impl Axis {
                 }
             }
         }
-        if ticks.iter().filter(|tick| tick.1).count() < 3 { self.even_ticks() } else { ticks }
+        let few = ticks.iter().filter(|tick| tick.1).count() < 3;
+        if few && decades < 1.0 { self.even_ticks() } else { ticks }
     }
 
     fn even_ticks(self) -> Vec<(f64, bool)> {
