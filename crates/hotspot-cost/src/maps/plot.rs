@@ -10,7 +10,7 @@ use std::fmt::Write;
 /// A curve of points with vertical bars.
 #[derive(Clone, Debug)]
 pub struct Curve {
-    /// Its name in the legend.
+    /// Its name in the legend; none if empty.
     pub name: String,
     /// (x, y, lower and upper end of y's interval); all positive, others are left out.
     pub points: Vec<(f64, f64, [f64; 2])>,
@@ -157,7 +157,8 @@ impl Axis {
         self.from + (libm::log10(value) - self.lo) / (self.hi - self.lo) * (self.to - self.from)
     }
 
-    /// Values and whether they get a label: powers of ten, and 2 and 5 times them where there is room.
+    /// Values and whether they get a label: powers of ten, and 2 and 5 times them where there is room. Where that labels fewer
+    /// than three within a decade, even steps.
     fn ticks(self) -> Vec<(f64, bool)> {
         let decades = self.hi - self.lo;
         let mut ticks = Vec::new();
@@ -170,7 +171,18 @@ impl Axis {
                 }
             }
         }
-        ticks
+        let few = ticks.iter().filter(|tick| tick.1).count() < 3;
+        if few && decades < 1.0 { self.even_ticks() } else { ticks }
+    }
+
+    fn even_ticks(self) -> Vec<(f64, bool)> {
+        let (lo, hi) = (libm::exp10(self.lo), libm::exp10(self.hi));
+        let about = (hi - lo) / 4.0;
+        let power = libm::exp10(libm::log10(about).floor());
+        let step = [1.0, 2.0, 5.0].map(|m| m * power).into_iter().rev().find(|step| *step <= about);
+        let step = step.unwrap_or(power);
+        let first = (lo / step).ceil();
+        (0..=12).map(|k| ((first + f64::from(k)) * step, true)).filter(|tick| tick.0 <= hi).collect()
     }
 }
 
@@ -178,7 +190,8 @@ fn number(value: f64) -> String {
     if (1e-2..1e4).contains(&value) {
         format!("{}", (value * 1e6).round() / 1e6)
     } else {
-        format!("{value:.0e}")
+        // As few digits as tell it to three places.
+        format!("{:e}", format!("{value:.2e}").parse().unwrap_or(value))
     }
 }
 
@@ -266,6 +279,9 @@ impl LogPlot {
                 }
                 canvas.dot([at, y.place(py)], 4.0, color);
             }
+            if curve.name.is_empty() {
+                continue;
+            }
             let row = top + 16.0 + 22.0 * index as f64;
             canvas.line([right - 30.0, row], [right - 6.0, row], 3.0, color);
             canvas.text([right - 38.0, row], 1.0, INK, &curve.name);
@@ -285,6 +301,27 @@ mod tests {
             curves: vec![Curve { name: "sobol".into(), points }],
             level: Some((1e-4, "floor".into())),
             guide: Some(-1.0),
+        }
+    }
+
+    #[test]
+    fn an_axis_always_has_labels() {
+        for (lo, hi) in [
+            (344.0, 344.0),
+            (1.29, 1.55),
+            (0.86, 1.38),
+            (1e-7, 1.1e-7),
+            (2.1e6, 2.2e6),
+            (1.0, 1e9),
+            (3.0, 19.0),
+        ] {
+            let axis = Axis::new([lo, hi].into_iter(), 0.0, 1.0);
+            let mut labels: Vec<String> =
+                axis.ticks().into_iter().filter(|tick| tick.1).map(|tick| number(tick.0)).collect();
+            assert!((3..=12).contains(&labels.len()), "{lo} to {hi}: {labels:?}");
+            let count = labels.len();
+            labels.dedup();
+            assert_eq!(labels.len(), count, "{lo} to {hi}: {labels:?}");
         }
     }
 
