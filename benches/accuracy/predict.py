@@ -25,6 +25,7 @@ def main():
     parser.add_argument("--seconds", type=float, default=200.0, help="begin no further round after so many")
     parser.add_argument("--pilot", type=float, default=2.0)
     parser.add_argument("--first-seed", type=int, default=1)
+    parser.add_argument("--raw", help="also write what was read, pair by pair, into this JSON file")
     args = parser.parse_args()
     folder = tempfile.mkdtemp()
     rows = {name: [] for name, _, _ in CASES}
@@ -41,6 +42,9 @@ def main():
             rendered = json.loads(pathlib.Path(folder, f"{name}.json").read_text())
             rows[name].append((predicted, rendered, wall))
         seed += 1
+    if args.raw:
+        keep = {name: [[p, {"render": r["render"], "totals": r["totals"]}, wall] for p, r, wall in runs] for name, runs in rows.items()}
+        pathlib.Path(args.raw).write_text(json.dumps(keep))
     print("| scene | runs | seconds | error: mean, mean of sizes, median of sizes | within 5 % | covers | half width "
           "| start to end | counts cover | error of counts |")
     print("|---|---|---|---|---|---|---|---|---|---|")
