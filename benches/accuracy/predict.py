@@ -23,7 +23,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program")
     parser.add_argument("--seconds", type=float, default=200.0, help="begin no further round after so many")
-    parser.add_argument("--pilot", type=float, default=2.0)
+    parser.add_argument("--pilot", type=float, default=4.0)
+    parser.add_argument("--times", type=int, default=1, help="so many times the samples per pixel: longer renders")
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--raw", help="also write what was read, pair by pair, into this JSON file")
     args = parser.parse_args()
@@ -32,7 +33,7 @@ def main():
     start, seed = time.monotonic(), args.first_seed
     while time.monotonic() - start < args.seconds:
         for name, size, spp in CASES:
-            words = [str(SCENES / name / f"{name}.gltf"), "--size", size, "--spp", str(spp), "--seed", str(seed)]
+            words = [str(SCENES / name / f"{name}.gltf"), "--size", size, "--spp", str(spp * args.times), "--seed", str(seed)]
             words += ["-o", folder, "--quiet"]
             subprocess.run([args.program, "predict", *words, "--pilot", str(args.pilot)], check=True)
             begin = time.monotonic()

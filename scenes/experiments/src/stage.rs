@@ -62,7 +62,8 @@ impl Subject {
         settings.spp = spp;
         settings.max_depth = depth;
         settings.gather = gather;
-        settings.intervals = gather.cost;
+        // Halves have samples of their own: counts and times belong to the same paths only where both are in halves.
+        settings.intervals = gather.cost || gather.time;
         render(&self.prepared, &self.camera, &settings, Control::default()).frame
     }
 
