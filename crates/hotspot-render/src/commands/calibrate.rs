@@ -167,6 +167,10 @@ impl<'a> Subject<'a> {
     }
 
     fn time(&mut self, control: Control<'_>) -> Result<(), Fail> {
+        // The caches hold the scene whose turn it was: unwarmed, the first tiles of each thread took up to three times as long in
+        // every repeat, which no count explains.
+        let warm = Settings { spp: 1, ..self.settings.clone() };
+        unless_cancelled(&self.stage.render(&warm, control))?;
         let timed = self.stage.render(&self.settings, control);
         unless_cancelled(&timed)?;
         Ok(self.timings.add(&timed.frame)?)
