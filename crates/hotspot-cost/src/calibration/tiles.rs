@@ -254,7 +254,7 @@ impl Timings {
 
     /// Two halves of the repeats, in several ways, each as often with a neighbour as with one far off: those from the k-th on,
     /// round and round, against the rest (an odd one is left out). The halves' medians differ by 4 times the variance of the
-    /// median of all, as means of independent runs would.
+    /// median of all, as means of independent runs would; by more where halves are small and the noise has heavy tails.
     fn splits(&self) -> Vec<[Vec<usize>; 2]> {
         let (count, half) = (self.repeats.len(), self.repeats.len() / 2);
         // Half way round the halves change places.
