@@ -23,15 +23,17 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program")
     parser.add_argument("--seconds", type=float, default=200.0, help="begin no further round after so many")
-    parser.add_argument("--pilot", type=float, default=2.0)
+    parser.add_argument("--pilot", type=float, default=4.0)
+    parser.add_argument("--times", type=int, default=1, help="so many times the samples per pixel: longer renders")
     parser.add_argument("--first-seed", type=int, default=1)
+    parser.add_argument("--raw", help="also write what was read, pair by pair, into this JSON file")
     args = parser.parse_args()
     folder = tempfile.mkdtemp()
     rows = {name: [] for name, _, _ in CASES}
     start, seed = time.monotonic(), args.first_seed
     while time.monotonic() - start < args.seconds:
         for name, size, spp in CASES:
-            words = [str(SCENES / name / f"{name}.gltf"), "--size", size, "--spp", str(spp), "--seed", str(seed)]
+            words = [str(SCENES / name / f"{name}.gltf"), "--size", size, "--spp", str(spp * args.times), "--seed", str(seed)]
             words += ["-o", folder, "--quiet"]
             subprocess.run([args.program, "predict", *words, "--pilot", str(args.pilot)], check=True)
             begin = time.monotonic()
@@ -41,6 +43,9 @@ def main():
             rendered = json.loads(pathlib.Path(folder, f"{name}.json").read_text())
             rows[name].append((predicted, rendered, wall))
         seed += 1
+    if args.raw:
+        keep = {name: [[p, {"render": r["render"], "totals": r["totals"]}, wall] for p, r, wall in runs] for name, runs in rows.items()}
+        pathlib.Path(args.raw).write_text(json.dumps(keep))
     print("| scene | runs | seconds | error: mean, mean of sizes, median of sizes | within 5 % | covers | half width "
           "| start to end | counts cover | error of counts |")
     print("|---|---|---|---|---|---|---|---|---|---|")

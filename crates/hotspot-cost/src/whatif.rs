@@ -181,11 +181,23 @@ impl WhatIf {
         sentences
     }
 
-    /// The whole in one sentence.
+    /// The whole in one sentence, without what [`Self::sentences`] say of errors and repeats.
     pub fn verdict(&self) -> String {
-        let sentences = self.sentences();
-        let wanted = |s: &&String| ["intersection", "time", "image"].iter().any(|word| s.starts_with(word));
-        let parts: Vec<&str> = sentences.iter().filter(wanted).map(String::as_str).collect();
+        let mut parts = Vec::new();
+        if let Some(change) = self.comparison.totals.get(Metric::Intersection.name()) {
+            parts.push(format!("intersection cost {}", briefly(change)));
+        }
+        if let Some(time) = &self.time {
+            let change = with_interval(time.relative, time.ci95);
+            parts.push(format!("time {change}{}", doubt(time.significant())));
+        }
+        let PictureChange { flip, relmse, relmse_error, .. } = self.image;
+        // FLIP holds the noise of both; this difference does not.
+        if relmse.zip(relmse_error).is_some_and(|(difference, error)| difference <= 2.0 * error) {
+            parts.push("image the same within noise".to_owned());
+        } else if let Some(flip) = flip {
+            parts.push(format!("image FLIP {flip:.2}"));
+        }
         format!("{}: {}", self.change.what, parts.join(", "))
     }
 
@@ -197,13 +209,21 @@ impl WhatIf {
     }
 }
 
-fn told(change: &TotalChange) -> String {
-    let Some(relative) = change.relative else {
-        return format!("0 before, {:.3} per path after", change.b);
-    };
-    if change.delta == 0.0 {
-        return "exactly the same".to_owned();
+fn doubt(significant: Option<bool>) -> &'static str {
+    if significant == Some(false) { " (not significant)" } else { "" }
+}
+
+/// "−23.1 % ± 0.8 %".
+fn briefly(change: &TotalChange) -> String {
+    match change.relative {
+        Some(_) if change.delta == 0.0 => "exactly the same".to_owned(),
+        Some(relative) => with_interval(relative, change.ci95) + doubt(change.significant),
+        None => format!("0 before, {:.3} per path after", change.b),
     }
+}
+
+fn told(change: &TotalChange) -> String {
+    let (Some(relative), true) = (change.relative, change.delta != 0.0) else { return briefly(change) };
     let mut words = with_interval(relative, change.ci95);
     let parts = [("sampling", change.sampling_error), ("trees", change.tree_error)];
     let parts: Vec<String> =
@@ -292,6 +312,7 @@ mod tests {
         comparison.gates = vec![comparison.gate(&Gate::parse("nodes=2%").unwrap())];
         let mut image = PictureChange::of(&a, &b);
         (image.flip, image.flip_noise) = (Some(0.1), Some(0.05));
+        (image.relmse, image.relmse_error) = (Some(0.01), Some(0.001));
         let total = comparison.totals["intersection"];
         for change in comparison.totals.values_mut() {
             change.sum_a = Some(crate::Sum::Exact(3));
@@ -347,6 +368,10 @@ mod tests {
         assert_eq!(with_interval(0.5, None), "+50.0 %");
         let verdict = full().verdict();
         assert!(verdict.starts_with("material \"Mirror\" matte: intersection cost "), "{verdict}");
-        assert!(verdict.contains(", time \u{2212}2") && verdict.contains("image FLIP 0.100"), "{verdict}");
+        assert!(verdict.contains(", time \u{2212}2") && verdict.ends_with("image FLIP 0.10"), "{verdict}");
+        assert!(!verdict.contains("standard errors") && !verdict.contains("repeats"), "{verdict}");
+        let mut same = full();
+        same.image.relmse = Some(0.0015);
+        assert!(same.verdict().ends_with("image the same within noise"), "{}", same.verdict());
     }
 }

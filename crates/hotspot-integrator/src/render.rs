@@ -327,6 +327,8 @@ fn render_in_tiles(
         let found: Vec<Lost> = frame
             .tiles_mut()
             .par_iter_mut()
+            // Tiles go to whoever is free, one by one: in larger pieces a thread could be left with the last of them.
+            .with_max_len(1)
             .map(|tile| {
                 let mut lost = Lost::default();
                 let mut ledger = payers.as_ref().map(|payers| shelf.take(payers));

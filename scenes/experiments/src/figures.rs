@@ -59,25 +59,35 @@ pub(crate) fn panel(caption: impl Into<String>, image: RgbImage) -> Panel {
     Panel { caption: caption.into(), image }
 }
 
-/// All figures on all scenes that are there.
-pub(crate) fn all(scale: Scale) -> Result<Vec<Figure>, String> {
+/// The figures asked for (1 to 4) on all scenes that are there; each is handed on as soon as it is done.
+pub(crate) fn all(scale: Scale, wanted: &[u8], mut done: impl FnMut(&Figure)) -> Result<Vec<Figure>, String> {
     let mut figures = Vec::new();
-    for subject in [Subject::shared("killeroo")?, Some(Subject::own("creature")?)].into_iter().flatten() {
-        figures.push(correspondence::figure(&subject, scale)?);
-    }
-    for [a, b] in pairs(["cornell-box-red", "cornell-box-blue"])? {
-        figures.push(color::figure(&a, &b, scale)?);
-    }
-    for (a, b) in [
-        (Subject::shared("living-room-substrate")?, Subject::shared("living-room-matte")?),
-        (Some(Subject::own("white-room-substrate")?), Some(Subject::own("white-room-matte")?)),
-    ] {
-        if let (Some(a), Some(b)) = (a, b) {
-            figures.push(material::figure(&a, &b, scale)?);
+    let mut add = |figure: Figure| {
+        done(&figure);
+        figures.push(figure);
+    };
+    if wanted.contains(&1) {
+        for subject in [Subject::shared("killeroo")?, Some(Subject::own("creature")?)].into_iter().flatten() {
+            add(correspondence::figure(&subject, scale)?);
         }
     }
-    let (wide, narrow) = (Subject::own("mirror-gap-wide")?, Subject::own("mirror-gap-narrow")?);
-    figures.push(gap::figure(&wide, &narrow, scale)?);
+    if wanted.contains(&2) {
+        for [a, b] in pairs(["cornell-box-red", "cornell-box-blue"])? {
+            add(color::figure(&a, &b, scale)?);
+        }
+    }
+    if wanted.contains(&3) {
+        let shared = (Subject::shared("living-room-substrate")?, Subject::shared("living-room-matte")?);
+        if let (Some(a), Some(b)) = shared {
+            add(material::figure(&a, &b, scale)?);
+        }
+        let (a, b) = (Subject::own("white-room-substrate")?, Subject::own("white-room-matte")?);
+        add(material::figure(&a, &b, scale)?);
+    }
+    if wanted.contains(&4) {
+        let (wide, narrow) = (Subject::own("mirror-gap-wide")?, Subject::own("mirror-gap-narrow")?);
+        add(gap::figure(&wide, &narrow, scale)?);
+    }
     Ok(figures)
 }
 

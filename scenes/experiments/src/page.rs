@@ -69,3 +69,25 @@ pub(crate) fn html(figures: &[Figure], scale: Scale) -> String {
     }
     out + "</body></html>\n"
 }
+
+/// The claims and figures as Markdown.
+pub(crate) fn table(figures: &[Figure], scale: Scale) -> String {
+    let cell = |text: &str| text.replace('|', "\\|");
+    let mut out = String::new();
+    if scale == Scale::Quick {
+        out.push_str("A quick run: too small to judge.\n\n");
+    }
+    for figure in figures {
+        let _ = write!(
+            out,
+            "## {}\n\n{}. {}.\n\n| the paper | here | |\n|---|---|---|\n",
+            figure.title, figure.scene, figure.settings
+        );
+        for claim in &figure.claims {
+            let _ =
+                writeln!(out, "| {} | {} | {} |", cell(claim.paper), cell(&claim.ours), claim.verdict.word());
+        }
+        out.push('\n');
+    }
+    out
+}

@@ -62,7 +62,8 @@ impl Subject {
         settings.spp = spp;
         settings.max_depth = depth;
         settings.gather = gather;
-        settings.intervals = gather.cost;
+        // Halves have samples of their own: counts and times belong to the same paths only where both are in halves.
+        settings.intervals = gather.cost || gather.time;
         render(&self.prepared, &self.camera, &settings, Control::default()).frame
     }
 
@@ -108,6 +109,12 @@ pub(crate) struct Costs {
 impl Costs {
     pub(crate) fn plane(&self, metric: Metric) -> &[f32] {
         self.layers.metric(metric).unwrap_or_default()
+    }
+
+    /// The mean over chosen pixels, from the halves: Σm / n ± 1.96 √Σh² / n.
+    pub(crate) fn over(&self, metric: Metric, chosen: impl Fn(usize) -> bool) -> Change {
+        let half = self.layers.half(metric).unwrap_or_default();
+        mean_of(self.plane(metric), |i| half.get(i).map_or(0.0, |h| f64::from(*h)), chosen)
     }
 
     pub(crate) fn map(&self, metric: Metric) -> RgbImage {
@@ -207,17 +214,20 @@ impl Pair {
 
     /// The mean change over chosen pixels, from the halves' differences: Σd / n ± 1.96 √Σh² / n.
     pub(crate) fn over(&self, metric: Metric, chosen: impl Fn(usize) -> bool) -> Change {
-        let difference = self.difference(metric);
         let half = |costs: &Costs, i: usize| {
             costs.layers.half(metric).and_then(|plane| plane.get(i)).map_or(0.0, |h| f64::from(*h))
         };
-        let (mut sum, mut squares, mut count) = (0.0, 0.0, 0_usize);
-        for (i, d) in difference.iter().enumerate().filter(|(i, _)| chosen(*i)) {
-            sum += f64::from(*d);
-            squares += (half(&self.b, i) - half(&self.a, i)).powi(2);
-            count += 1;
-        }
-        let n = count.max(1) as f64;
-        Change { mean: sum / n, half_width: 1.96 * squares.sqrt() / n }
+        mean_of(self.difference(metric), |i| half(&self.b, i) - half(&self.a, i), chosen)
     }
+}
+
+fn mean_of(values: &[f32], half: impl Fn(usize) -> f64, chosen: impl Fn(usize) -> bool) -> Change {
+    let (mut sum, mut squares, mut count) = (0.0, 0.0, 0_usize);
+    for (i, value) in values.iter().enumerate().filter(|(i, _)| chosen(*i)) {
+        sum += f64::from(*value);
+        squares += half(i).powi(2);
+        count += 1;
+    }
+    let n = count.max(1) as f64;
+    Change { mean: sum / n, half_width: 1.96 * squares.sqrt() / n }
 }

@@ -61,7 +61,7 @@ pub struct Coefficient {
 pub struct Score {
     /// Share of the tiles' variance that is explained: 1 − Σ(t − p)²/Σ(t − t̄)². `None` where all tiles take the same.
     pub r2: Option<f64>,
-    /// `r2` over what a repeat of the timed runs reaches ([`repeat_r2`]): 1 says that the fit is as good as measuring again.
+    /// `r2` over what the noise of the timed runs lets a perfect model reach ([`repeat_r2`]): 1 says that nothing else is left.
     pub r2_of_repeat: Option<f64>,
     /// Root of the mean squared error over the mean time.
     pub nrmse: f64,
@@ -283,16 +283,11 @@ pub fn score(scene: &Tiles, predicted: &[f64]) -> Score {
     }
 }
 
-/// R² that one half of the repeats reaches as a prediction of the other: 1 − Σ(a − b)²/(½Σ(a − ā)² + ½Σ(b − b̄)²). Both halves
-/// are noisy, the fit is not, so that a perfect model would do better than this. `None` where all tiles take the same.
+/// R² that a perfect model of the tiles' times would reach, since the times have noise that no model explains: 1 − Σ
+/// [`Tile::noise`]/Σ(t − t̄)². `None` where all tiles take the same.
 pub fn repeat_r2(scene: &Tiles) -> Option<f64> {
-    let n = scene.tiles.len().max(1) as f64;
-    let mean = [0, 1].map(|half| scene.tiles.iter().map(|t| t.ns_half[half]).sum::<f64>() / n);
-    let (mut error, mut spread) = (0.0, 0.0);
-    for tile in &scene.tiles {
-        let [a, b] = tile.ns_half;
-        error += (a - b).powi(2);
-        spread += 0.5 * ((a - mean[0]).powi(2) + (b - mean[1]).powi(2));
-    }
-    (spread > 0.0).then(|| 1.0 - error / spread)
+    let mean = scene.mean_ns();
+    let noise: f64 = scene.tiles.iter().map(|tile| tile.noise).sum();
+    let spread: f64 = scene.tiles.iter().map(|tile| (tile.ns - mean).powi(2)).sum();
+    (spread > 0.0).then(|| 1.0 - noise / spread)
 }

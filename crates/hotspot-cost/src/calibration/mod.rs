@@ -2,8 +2,8 @@
 //!
 //! Time is measured in runs that do not count ([`Timings`]) and explained by the counts of a run that traced the same paths
 //! ([`Timings::tiles`]); [`fit()`] finds the nanoseconds per event, for the paper's two terms and for all that are counted
-//! ([`Form`]); [`held_out`] and [`score`] judge it on tiles that it has not seen, against what a repeat of the measurement
-//! reaches ([`repeat_r2`]). A [`Profile`] keeps the result. Knows no renderer: any [`crate::Frame`] with counts and times will
+//! ([`Form`]); [`held_out`] and [`score`] judge it on tiles that it has not seen, against what the noise of the measurement
+//! lets a perfect model reach ([`repeat_r2`]). A [`Profile`] keeps the result. Knows no renderer: any [`crate::Frame`] with counts and times will
 //! do.
 
 mod fit;

@@ -242,6 +242,38 @@ mod tests {
         assert!(bound > 300, "the bound was hardly ever met: {bound}");
     }
 
+    /// Where [`Gram::solve`] ends by itself it is at the optimum, whatever its inner step was; a wrong step shows as a cycle, which
+    /// the bound on its rounds cuts short. So: twelve columns as alike as counters are, many bound at 0, and the conditions of
+    /// Kuhn and Tucker, with the gradient in columns of unit length.
+    #[test]
+    fn optimal_where_several_columns_leave_at_once() {
+        let mut random = Random::new(17);
+        for round in 0..4000 {
+            let n = 4 + round % 9;
+            let alike = [0.5, 2.0, 6.0][round % 3];
+            let rows: Vec<(Vec<f64>, f64)> = (0..n + 4)
+                .map(|_| {
+                    let common = alike * random.normal();
+                    ((0..n).map(|_| random.normal() + common).collect(), random.normal() + common)
+                })
+                .collect();
+            let gram = gram(&rows);
+            let beta = gram.solve();
+            let residual: Vec<f64> =
+                rows.iter().map(|(x, t)| t - x.iter().zip(&beta).map(|(x, b)| x * b).sum::<f64>()).collect();
+            let size = rows.iter().map(|(_, t)| t * t).sum::<f64>().sqrt();
+            for (k, b) in beta.iter().enumerate() {
+                let length = rows.iter().map(|(x, _)| x[k] * x[k]).sum::<f64>().sqrt();
+                let gradient =
+                    rows.iter().zip(&residual).map(|((x, _), r)| x[k] * r).sum::<f64>() / (length * size);
+                assert!(
+                    *b >= 0.0 && gradient < 1e-9 && (*b == 0.0 || gradient > -1e-9),
+                    "round {round}, column {k}: {b}, {gradient}"
+                );
+            }
+        }
+    }
+
     #[test]
     fn recovers_what_made_the_rows() {
         let mut random = Random::new(5);

@@ -74,7 +74,7 @@ pub struct SceneProfile {
     pub tiles: u64,
     /// Mean time per path.
     pub mean_ns: f64,
-    /// R² that one half of the repeats reaches as a prediction of the other.
+    /// R² that a perfect model would reach through the noise of the tiles' times.
     pub repeat_r2: Option<f64>,
     /// This scene's own fits, judged on tiles that they have not seen.
     pub fits: BTreeMap<Form, Fit>,

@@ -21,9 +21,9 @@ fn tiles(columns: u32, rows: u32, noise: f64, random: &mut Random) -> Tiles {
         // The scatter grows with the time: intervals must stand that.
         let mut measured =
             || exact * (1.0 + noise * (0.6 * block + 0.8 * random.normal()) * (exact / 1500.0));
-        let ns_half = [measured(), measured()];
-        let ns = 0.5 * (ns_half[0] + ns_half[1]);
-        scene.tiles.push(Tile { column, row, terms, ns, ns_half });
+        let [a, b] = [measured(), measured()];
+        let noise = 0.25 * (a - b).powi(2);
+        scene.tiles.push(Tile { column, row, terms, ns: 0.5 * (a + b), noise });
     }
     scene
 }
@@ -39,7 +39,7 @@ fn recovers_the_truth_without_noise() {
     }
     let score = found.held_out.unwrap();
     assert!(score.r2.unwrap() > 0.999_999 && score.nrmse < 1e-5, "{score:?}");
-    assert!((score.r2_of_repeat.unwrap() - score.r2.unwrap()).abs() < 1e-12, "a repeat is perfect");
+    assert!((score.r2_of_repeat.unwrap() - score.r2.unwrap()).abs() < 1e-12, "there is no noise");
     assert!((found.predict(&scene.tiles[7].terms) / scene.tiles[7].ns - 1.0).abs() < 1e-5);
     let two = fit(&[&scene], Form::Two).held_out.unwrap();
     assert!(two.r2.unwrap() < 0.9, "{two:?}");
@@ -86,9 +86,10 @@ fn held_out_tiles_are_held_out() {
 #[test]
 fn noise_explains_itself_by_repeats() {
     let scene = tiles(40, 30, 0.05, &mut Random::new(4));
-    // Noise of the halves is shared within blocks for a part; the rest is what a repeat lacks.
+    // Of the variance of a tile's time 0.36 is shared within blocks and by both runs: a repeat does not show it. 0.64 / 2 is
+    // what it shows, and the rest of what the fit leaves.
     let ceiling = repeat_r2(&scene).unwrap();
-    assert!((0.3..0.95).contains(&ceiling), "{ceiling}");
+    assert!((0.3..0.98).contains(&ceiling), "{ceiling}");
     let score = fit(&[&scene], Form::Full).held_out.unwrap();
     assert!((score.r2_of_repeat.unwrap() - score.r2.unwrap() / ceiling).abs() < 1e-12);
     let flat = Tiles { columns: 1, rows: 1, tiles: vec![scene.tiles[0]], ..Tiles::default() };
@@ -124,7 +125,7 @@ fn traversal_is_the_share_of_nodes_boxes_leaves_and_shapes() {
         tile.terms[Term::Boxes as usize] = 6.0 * tile.terms[Term::Nodes as usize];
         tile.terms[Term::Leaves as usize] = 0.2 * tile.terms[Term::Shapes as usize];
         tile.ns = tile.terms.iter().zip(TRUTH).map(|(x, b)| x * b).sum();
-        tile.ns_half = [tile.ns; 2];
+        tile.noise = 0.0;
     }
     let found = traversal(&[&scene]);
     assert!((found.c0.ns - (12.0 + 6.0 * 1.5)).abs() < 1e-3, "{found:?}");

@@ -30,12 +30,13 @@ pub fn compare_html(input: &CompareInput<'_>) -> String {
             ("json", &parts::raw(&input.raw_json)),
         ],
     );
-    let data = data(input, width, height);
+    let pictures = [&a, &b].into_iter().flatten().map(String::len).sum();
+    let data = data(input, width, height, pictures);
     let title = format!("{} · cost comparison", input.title);
     shell(&title, (width, height), &body, &data, include_str!("compare.js"))
 }
 
-fn data(input: &CompareInput<'_>, width: u32, height: u32) -> Value {
+fn data(input: &CompareInput<'_>, width: u32, height: u32, pictures: usize) -> Value {
     let pixels = width as usize * height as usize;
     let fits = |layer: &&CompareLayer<'_>| pixels > 0 && layer.a.len() == pixels && layer.b.len() == pixels;
     let shown: Vec<&CompareLayer<'_>> = input.maps.iter().filter(fits).collect();
@@ -48,7 +49,8 @@ fn data(input: &CompareInput<'_>, width: u32, height: u32) -> Value {
         .enumerate()
         .flat_map(|(i, (layer, difference))| [(difference.as_slice(), i < 2), (layer.a, i < 1)])
         .collect();
-    let (planes, _) = layers::planes(width, height, &wanted);
+    // Flags of a layer take about a kilobyte.
+    let (planes, _) = layers::planes((width, height), &wanted, pictures + 1024 * shown.len());
     let maps: Vec<Value> = shown
         .iter()
         .zip(&differences)

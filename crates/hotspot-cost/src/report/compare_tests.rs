@@ -9,7 +9,7 @@ fn differences_travel_with_their_sign() {
     let (a, b) = (Sample::new(64, 36, 1.0, 1), Sample::new(64, 36, 0.5, 1));
     let flags = vec![true; 64 * 36];
     let input = comparison(&a, &b, &flags);
-    let data = data(&input, 64, 36);
+    let data = data(&input, 64, 36, 0);
     let back = unpack(&data["maps"][0]["plane"]);
     for (i, value) in back.iter().enumerate() {
         let want = b.planes[0][i] - a.planes[0][i];

@@ -24,6 +24,9 @@ pub(super) const FINE_LAYERS: usize = 3;
 /// Base64 characters per pixel that all layers of a page may take: 4.1 MB at 640 × 360. Beyond it layers get coarser.
 const BUDGET: usize = 18;
 
+/// Base64 characters per pixel that layers, pictures and flags of a page may take together: 4.8 MB at 640 × 360.
+const PAGE: usize = 21;
+
 /// And at most so many: with the pictures and texts a page stays below 12 MB.
 const MOST: usize = 9_600_000;
 
@@ -104,7 +107,21 @@ pub(super) fn note_shrink(scale: &mut Value, plane: &Value) {
 fn ladder(pixels: usize) -> Vec<[Grain; 2]> {
     let grain = |steps, shrink| Grain { steps, shrink };
     if pixels <= LARGE {
-        return (4..=9).rev().map(|bits| [grain(FINE, 1), grain(1 << bits, 1)]).collect();
+        // Below 64 steps a map shows bands: fewer pixels with more steps say more.
+        let small = [
+            [(FINE, 1), (512, 1)],
+            [(FINE, 1), (256, 1)],
+            [(FINE, 1), (128, 1)],
+            [(FINE, 1), (64, 1)],
+            [(FINE, 1), (512, 2)],
+            [(2048, 1), (256, 2)],
+            [(1024, 1), (128, 2)],
+            [(512, 1), (128, 2)],
+            [(256, 1), (64, 2)],
+            [(256, 1), (64, 4)],
+            [(64, 1), (64, 8)],
+        ];
+        return small.into_iter().map(|grains| grains.map(|(steps, shrink)| grain(steps, shrink))).collect();
     }
     let large = [
         [(4096, 1), (512, 2)],
@@ -125,11 +142,16 @@ fn ladder(pixels: usize) -> Vec<[Grain; 2]> {
     large.into_iter().map(|grains| grains.map(|(steps, shrink)| grain(steps, shrink))).collect()
 }
 
-/// Encodes planes within the budget: each is (values, wanted fine). Returns them in order, and the grains used for those
-/// wanted fine and for the others.
-pub(super) fn planes(width: u32, height: u32, planes: &[(&[f32], bool)]) -> (Vec<Value>, [Grain; 2]) {
+/// Encodes planes within the budget, that gets smaller when `others`, the characters that the page's pictures and flags take,
+/// are many: each is (values, wanted fine). Returns them in order, and the grains used for those wanted fine and for the others.
+pub(super) fn planes(
+    (width, height): (u32, u32),
+    planes: &[(&[f32], bool)],
+    others: usize,
+) -> (Vec<Value>, [Grain; 2]) {
     let pixels = width as usize * height as usize;
-    let budget = pixels.saturating_mul(BUDGET).clamp(1 << 16, MOST);
+    let left = pixels.saturating_mul(PAGE).saturating_sub(others);
+    let budget = pixels.saturating_mul(BUDGET).min(left).clamp(1 << 16, MOST);
     let ladder = ladder(pixels);
     let levels =
         |fine: bool| -> Vec<u32> { ladder.iter().map(|grains| grain_of(*grains, fine).steps).collect() };
@@ -277,12 +299,30 @@ mod tests {
         assert!(shrunk(1, &[f32::NAN, f32::INFINITY], 2)[0].is_nan());
     }
 
+    /// As many layers as a comparison has, all noise, beside pictures that take their part: the page keeps its size, by fewer
+    /// pixels before there are fewer than 64 steps.
+    #[test]
+    fn many_noisy_layers_leave_room_for_the_pictures() {
+        let mut random = crate::testing::Random::new(1);
+        let pixels = 160 * 90;
+        let noise: Vec<Vec<f32>> =
+            (0..44).map(|_| (0..pixels).map(|_| random.normal() as f32).collect()).collect();
+        let wanted: Vec<(&[f32], bool)> =
+            noise.iter().enumerate().map(|(i, plane)| (plane.as_slice(), i < 3)).collect();
+        for others in [0, 8 * pixels] {
+            let (encoded, [fine, coarse]) = planes((160, 90), &wanted, others);
+            let size: usize = encoded.iter().map(|p| p["png"].as_str().unwrap().len()).sum();
+            assert!(size + others <= PAGE * pixels, "{size} and {others} of {}", PAGE * pixels);
+            assert!(fine.steps >= 64 && coarse.steps >= 64 && coarse.shrink > 1, "{fine:?} {coarse:?}");
+        }
+    }
+
     #[test]
     fn large_planes_come_at_a_lower_resolution_and_say_so() {
         let values: Vec<f32> =
             (0..1201_usize * 901).map(|i| (i % 1201) as f32 + (i * 7919 % 61) as f32).collect();
         let wanted = [(values.as_slice(), true), (values.as_slice(), false)];
-        let (encoded, [fine, coarse]) = planes(1201, 901, &wanted);
+        let (encoded, [fine, coarse]) = planes((1201, 901), &wanted, 0);
         assert_eq!((fine.shrink, coarse.shrink), (1, 2));
         assert!(shrink_note(&encoded[0]).is_none() && shrink_note(&encoded[1]).unwrap().contains("2x2"));
         assert_eq!(codec::tests::unpack(&encoded[0]).len(), 1201 * 901);

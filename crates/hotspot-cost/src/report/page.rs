@@ -72,7 +72,7 @@ pub(super) fn shell(title: &str, size: (u32, u32), body: &str, data: &Value, scr
 fn data(input: &ReportInput<'_>, width: u32, height: u32) -> (Value, [layers::Grain; 2]) {
     let wanted: Vec<_> =
         input.maps.iter().enumerate().map(|(i, map)| (map.values, i < layers::FINE_LAYERS)).collect();
-    let (planes, grains) = layers::planes(width, height, &wanted);
+    let (planes, grains) = layers::planes((width, height), &wanted, 0);
     let scales = layers::parallel(&input.maps, |map| {
         let view = view(width, height, map.values, map.scale, map.despike, map.map.is_diverging());
         let mut value = layers::describe(&map.metric, &map.label, &map.unit, map.kind, map.values);

@@ -67,7 +67,11 @@ fn print_totals(comparison: &Comparison) {
     for metric in [Metric::Rays, Metric::Nodes, Metric::Shapes, Metric::Intersection, Metric::TimeUs] {
         let Some(change) = comparison.totals.get(metric.name()) else { continue };
         let Some(relative) = change.relative else { continue };
-        let interval = change.ci95.map_or("no interval".to_owned(), |[lo, hi]| {
+        let without = match metric {
+            Metric::TimeUs => "one run each: no test; whatif takes turns",
+            _ => "no interval",
+        };
+        let interval = change.ci95.map_or(without.to_owned(), |[lo, hi]| {
             format!("95 % interval {:+.2} % to {:+.2} %", lo * 100.0, hi * 100.0)
         });
         let verdict = match change.significant {

@@ -2,7 +2,8 @@
 //!
 //! The pilots run the kernel that the render would run, on as many threads, with as many samples for each visit of a pixel
 //! (a visit has a cost of its own), over the same film. Each has a seed of its own. Time is read from the pixels' clocks and
-//! divided by the threads, since at the end of a small render threads wait for each other longer than in a large one.
+//! divided by the threads, since at the end of a small render threads wait for each other longer than in a large one. What the
+//! clocks do not see is added for each wave of samples that the render will have.
 
 use super::calibrate::read_profile;
 use crate::args::{FilmArgs, TalkArgs, ViewArgs, parse_seconds};
@@ -49,7 +50,7 @@ pub(crate) struct PredictArgs {
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub(crate) budget: Option<f64>,
     /// Spend about so many seconds on the small renders
-    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = parse_seconds)]
+    #[arg(long, value_name = "S", default_value_t = 4.0, value_parser = parse_seconds)]
     pub(crate) pilot: f64,
     #[command(flatten)]
     pub(crate) views: ViewArgs,
@@ -57,8 +58,9 @@ pub(crate) struct PredictArgs {
     pub(crate) talk: TalkArgs,
 }
 
-/// Small renders. The t quantile of 7 degrees of freedom is 2.4; fewer would widen every interval, more make each too short.
-const REPEATS: u32 = 8;
+/// Small renders. Sixteen are worth 6 degrees of freedom where the machine's speed wanders, with a t quantile of 2.4; fewer
+/// would widen every interval, more make each too short.
+const REPEATS: u32 = 16;
 
 /// Most samples for a visit of a pixel in pilots: the cost of the visit is spread over 32 paths then, and hardly shows.
 const MOST_PER_VISIT: u32 = 32;
@@ -96,10 +98,13 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Fail> {
     let pixels = u64::from(full.width) * u64::from(full.height);
     let paths = pixels * u64::from(spp);
     let threads = run.last.threads;
-    let Some(per_path) = seconds(&run.path_seconds, drift(profile.as_ref())) else {
+    // The render in pilots.
+    let length = paths as f64 / (plan.pixels() * f64::from(plan.settings.spp)).max(1.0);
+    let Some(per_path) = seconds(&run.path_seconds, drift(profile.as_ref()), length) else {
         return Err(Fail::new(FAILED, "the pilots took no time; raise --pilot"));
     };
-    let render = per_path.scaled(paths as f64 / threads as f64);
+    let idle = f64::from(plan.waves) * run.idle_per_wave;
+    let render = per_path.scaled(paths as f64 / threads as f64).plus(idle);
     let output = output_seconds(
         args,
         &stage,
@@ -123,6 +128,7 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Fail> {
             samples_per_pixel: plan.settings.spp.into(),
             repeats: REPEATS,
             path_ns: run.path_seconds.iter().map(|s| s * 1e9).collect(),
+            idle_per_wave: run.idle_per_wave,
             seconds: pilot_seconds,
         },
         seconds: Seconds { render, load, build, output, total: render.plus(load + build + output) },
@@ -137,7 +143,7 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Fail> {
     }
     prediction.budget = args.budget.map(|budget| {
         let per_sample = per_path.ci95[1] * pixels as f64 / threads as f64;
-        let left = (budget - load - build - output).max(0.0);
+        let left = (budget - load - build - output - idle).max(0.0);
         // Float to integer saturates.
         Budget { seconds: budget, samples_per_pixel: (left / per_sample) as u64 }
     });
@@ -153,6 +159,8 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Fail> {
 /// How the pilots are rendered.
 struct Plan {
     settings: Settings,
+    /// Waves of samples of the render to predict.
+    waves: u32,
 }
 
 /// What they gave.
@@ -160,6 +168,7 @@ struct Run {
     pilots: Pilots,
     /// Seconds of one thread per path, pilot by pilot.
     path_seconds: Vec<f64>,
+    idle_per_wave: f64,
     last: Rendered,
 }
 
@@ -170,10 +179,11 @@ impl Plan {
         let first = render(stage, &settings, control)?;
         let per_path = thread_seconds(&first.frame, &settings, full) / first.threads as f64;
         let layer = per_path * f64::from(full.width) * f64::from(full.height);
-        let visit = samples_per_visit(full.spp, layer);
+        let waves = waves(full.spp, layer);
+        let visit = samples_per_visit(full.spp, waves);
         let paths = budget / f64::from(REPEATS) / per_path.max(1e-9);
         settings = pilot_of(full, paths / f64::from(visit), visit);
-        Ok(Self { settings })
+        Ok(Self { settings, waves })
     }
 
     fn pixels(&self) -> f64 {
@@ -189,6 +199,7 @@ impl Plan {
     ) -> Result<Run, Fail> {
         let mut pilots = Pilots::new(self.settings.width, self.settings.height, model);
         let mut path_seconds = Vec::new();
+        let mut idle = 0.0;
         let mut last = None;
         for repeat in 0..REPEATS {
             let mut settings = self.settings.clone();
@@ -196,6 +207,7 @@ impl Plan {
             settings.seed = full.seed.wrapping_add(1 + u64::from(repeat));
             let timed = render(stage, &settings, control)?;
             path_seconds.push(thread_seconds(&timed.frame, &settings, full));
+            idle += idle_seconds(&timed, &settings);
             if full.gather.cost {
                 pilots.add(&timed.frame)?;
             } else {
@@ -205,7 +217,7 @@ impl Plan {
             last = Some(timed);
         }
         let last = last.ok_or_else(|| Fail::new(FAILED, "no pilot was rendered"))?;
-        Ok(Run { pilots, path_seconds, last })
+        Ok(Run { pilots, path_seconds, idle_per_wave: idle / f64::from(REPEATS), last })
     }
 }
 
@@ -224,12 +236,17 @@ fn pilot_of(full: &Settings, pixels: f64, spp: u32) -> Settings {
     settings
 }
 
-/// Samples for each visit of a pixel in a render whose waves of one sample per pixel take `layer` seconds: 4 at first, then
-/// as many as a second holds ([`hotspot_integrator::render`]).
-fn samples_per_visit(spp: u32, layer: f64) -> u32 {
+/// Waves of a render of which one sample for every pixel takes `layer` seconds: 4 samples at first, then as many as a second
+/// holds ([`hotspot_integrator::render`]).
+fn waves(spp: u32, layer: f64) -> u32 {
     let wave = (1.0 / layer.max(1e-9)).max(1.0).floor();
-    let visits = 1.0 + (f64::from(spp.saturating_sub(4)) / wave).ceil();
-    ((f64::from(spp) / visits).round() as u32).clamp(1, MOST_PER_VISIT)
+    // Float to integer saturates.
+    1 + (f64::from(spp.saturating_sub(4)) / wave).ceil() as u32
+}
+
+/// Samples for each visit of a pixel in a render of so many waves.
+fn samples_per_visit(spp: u32, waves: u32) -> u32 {
+    ((f64::from(spp) / f64::from(waves)).round() as u32).clamp(1, MOST_PER_VISIT)
 }
 
 fn render(stage: &Stage<'_>, settings: &Settings, control: Control<'_>) -> Result<Rendered, Fail> {
@@ -249,6 +266,18 @@ fn thread_seconds(frame: &Frame, settings: &Settings, full: &Settings) -> f64 {
     }
     let clock = if full.gather.time { 0.0 } else { clock_seconds() / f64::from(settings.spp) };
     (ns * 1e-9 / f64::max(paths, 1.0) - clock).max(0.0)
+}
+
+/// What a pilot's clocks do not see of its time: threads that wait for the last tile, the film's memory. 0 where there are so
+/// few tiles that threads wait for want of work.
+fn idle_seconds(rendered: &Rendered, settings: &Settings) -> f64 {
+    let tiles = f64::from(settings.width.div_ceil(16)) * f64::from(settings.height.div_ceil(16));
+    let threads = rendered.threads as f64;
+    if tiles < 8.0 * threads {
+        return 0.0;
+    }
+    let clocked: f64 = rendered.frame.costs().map(|pixel| pixel.time_ns as f64 * 1e-9).sum();
+    (rendered.seconds - clocked / threads).max(0.0)
 }
 
 /// What reading the clock takes: the least of a few tries.
@@ -426,14 +455,16 @@ mod tests {
 
     #[test]
     fn visits_follow_the_waves_of_a_render() {
+        let visit = |spp, layer| samples_per_visit(spp, waves(spp, layer));
         // A layer of 0.3 s: waves of 4, then of 3.
-        assert_eq!(samples_per_visit(64, 0.3), 3);
+        assert_eq!(waves(64, 0.3), 21);
+        assert_eq!(visit(64, 0.3), 3);
         // One visit for what fits the first wave; two for a small picture.
-        assert_eq!(samples_per_visit(3, 0.3), 3);
-        assert_eq!(samples_per_visit(64, 1e-4), 32);
-        assert_eq!(samples_per_visit(16, 1e-4), 8);
+        assert_eq!(visit(3, 0.3), 3);
+        assert_eq!(visit(64, 1e-4), 32);
+        assert_eq!(visit(16, 1e-4), 8);
         // Layers longer than a wave: one sample a visit, after the first four.
-        assert_eq!(samples_per_visit(64, 9.0), 1);
+        assert_eq!(visit(64, 9.0), 1);
     }
 
     #[test]

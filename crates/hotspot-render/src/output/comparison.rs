@@ -252,7 +252,7 @@ fn comparison_verdict(comparison: &Comparison) -> String {
         _ if change.delta == 0.0 => format!("{label}: exactly the same in both"),
         Some(false) => format!("No significant change of {label}: {:+.2} %{interval}", relative * 100.0),
         tested => format!(
-            "{} costs {:.2} % {direction} {label} than {}{}",
+            "{} takes {:.2} % {direction} {label} than {}{}",
             comparison.b,
             relative.abs() * 100.0,
             comparison.a,
