@@ -77,7 +77,7 @@ impl Facing {
                 None => members.push((part, vec![index as u32])),
             }
         }
-        let total: f64 = lights.iter().map(|l| f64::from(l.probability)).sum();
+        let total: f64 = lights.iter().map(|l| l.probability).sum();
         let mut place_of = vec![(0, 0); (last - first) as usize + 1];
         let groups: Vec<Group> = members
             .into_iter()
@@ -160,10 +160,10 @@ impl Group {
         let corners =
             |i: u32| geometry.triangles[lights[i as usize].primitive as usize].map(Vec3::from_array);
         let middle = |i: u32| corners(i).iter().sum::<Vec3>() / 3.0;
-        let power: f64 = order.iter().map(|i| f64::from(lights[*i as usize].probability)).sum();
-        let centre = order.iter().fold(glam::DVec3::ZERO, |sum, i| {
-            sum + middle(*i).as_dvec3() * f64::from(lights[*i as usize].probability)
-        });
+        let power: f64 = order.iter().map(|i| lights[*i as usize].probability).sum();
+        let centre = order
+            .iter()
+            .fold(glam::DVec3::ZERO, |sum, i| sum + middle(*i).as_dvec3() * lights[*i as usize].probability);
         let centre = (centre / power.max(f64::MIN_POSITIVE)).as_vec3();
         let radius = order.iter().flat_map(|i| corners(*i)).map(|v| v.distance(centre)).fold(0.0, f32::max);
         let key = |i: &u32| hilbert(octahedron((middle(*i) - centre).normalize_or(Vec3::Z)));
@@ -182,14 +182,13 @@ impl Group {
                 let cos = light.normal.dot(towards);
                 // Both sides of a surface that emits to both.
                 let cos = if light.two_sided { cos.abs() } else { cos };
-                f64::from(light.probability) * f64::from((cos + SLACK).max(0.0) / (1.0 + SLACK))
+                light.probability * f64::from((cos + SLACK).max(0.0) / (1.0 + SLACK))
             };
             let sum: f64 = order.iter().map(seen).sum();
             facing.push((sum / power).max(1e-3) as f32);
             let defensive = if sum > 0.0 { f64::from(DEFENSIVE) * sum / power } else { 1.0 };
             guided.push(order.iter().map(|i| {
-                (1.0 - f64::from(DEFENSIVE)) * seen(i)
-                    + defensive * f64::from(lights[*i as usize].probability)
+                (1.0 - f64::from(DEFENSIVE)) * seen(i) + defensive * lights[*i as usize].probability
             }));
         }
         Self {

@@ -14,7 +14,7 @@ use crate::camera::FilmCamera;
 use crate::cast::closest_hit;
 use crate::class::FullClass;
 use crate::geometry::Attributes;
-use crate::math::{Frame, square_to_cosine_hemisphere};
+use crate::math::{Frame, square_to_cosine_hemisphere, square_to_triangle};
 use crate::sampler::{Dimensions, PixelSampler, SamplerKind};
 use crate::scene::RenderScene;
 use crate::surface::resolve;
@@ -111,7 +111,7 @@ impl Learned {
         let chosen = facing.choose(from.p, from.n, select);
         let light = &lights.triangles[chosen.light as usize];
         let pdf_area = (1.0 - share) * chosen.probability * light.inverse_area;
-        Some(light.sample_chosen(from.p, Vec2::new(chosen.rest, v), pdf_area))
+        Some(light.sample(from.p, square_to_triangle(Vec2::new(chosen.rest, v)), pdf_area))
     }
 
     /// Density per area of taking a point of an emissive triangle from `from`; `by_power`: that of the choice by power.

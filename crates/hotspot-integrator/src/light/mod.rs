@@ -25,6 +25,9 @@ mod environment;
 mod facing;
 mod guided;
 mod learn;
+#[cfg(test)]
+mod patch_tests;
+mod patches;
 mod punctual;
 #[cfg(test)]
 mod sampling_tests;
@@ -43,6 +46,7 @@ use glam::{Vec2, Vec3};
 use hotspot_probe::Probe;
 use hotspot_scene::{Environment, Light, Material};
 pub(crate) use learn::{Learned, Lessons, Viewpoint};
+use patches::Patches;
 use punctual::PunctualLight;
 pub(crate) use punctual::ray_to_position;
 use std::collections::BTreeMap;
@@ -56,8 +60,11 @@ const LEAST_SHARE: f64 = 1.0 / 16.0;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lights {
     triangles: Vec<LightTriangle>,
+    /// Where on the triangles.
+    patches: Patches,
     punctual: Vec<PunctualLight>,
-    /// Of each triangle and then each punctual light, given that no environment is chosen: probability of all before it.
+    /// Of each strip of patches and then each punctual light, given that no environment is chosen: probability of all
+    /// before it.
     cumulative: Vec<f32>,
     /// For each of as many equal intervals of [0, 1) as there are entries: the first entry that reaches into it.
     guide: Vec<u32>,
@@ -203,14 +210,6 @@ impl Lights {
             let shift = shift.get(&part.object).copied().unwrap_or(1.0);
             part.light_pdf_area = (per_area[part.material as usize] * shift / area_total) as f32;
         }
-        let mut before = 0.0;
-        let mut cumulative = Vec::with_capacity(powers.len() + punctual.len());
-        let mut next = |probability: f64| {
-            let start = before as f32;
-            cumulative.push(start);
-            before += probability;
-            start
-        };
         let triangles: Vec<LightTriangle> = powers
             .iter()
             .map(|&(primitive, power)| {
@@ -220,8 +219,7 @@ impl Lights {
                 let triangle = SurfaceTriangle::new(corners);
                 LightTriangle {
                     primitive,
-                    cumulative: next(probability),
-                    probability: probability as f32,
+                    probability,
                     pdf_area: geometry.part(primitive).light_pdf_area,
                     triangle,
                     edge: triangle.most_margin() / least_height(corners),
@@ -231,6 +229,9 @@ impl Lights {
                 }
             })
             .collect();
+        let patches = Patches::new(&triangles, geometry);
+        let mut cumulative: Vec<f32> = patches.cumulative().collect();
+        let mut before: f64 = triangles.iter().map(|t| t.probability).sum();
         // Never rounds to 1 where there are others: they would be weighted but not sampled.
         let most = if triangles.is_empty() && punctual.is_empty() { 1.0 } else { 1.0 - f32::EPSILON };
         let environment_probability = (environment_share as f32).min(most);
@@ -238,7 +239,8 @@ impl Lights {
         for (light, power) in punctual.iter_mut().zip(punctual_powers) {
             let among = LEAST_SHARE / count + (1.0 - LEAST_SHARE) * (power / punctual_power);
             let probability = (1.0 - near) * among;
-            next(probability);
+            cumulative.push(before as f32);
+            before += probability;
             light.probability = ((1.0 - f64::from(environment_probability)) * probability) as f32;
         }
         let mut guide = Vec::with_capacity(cumulative.len());
@@ -250,7 +252,7 @@ impl Lights {
             }
             guide.push(index as u32);
         }
-        Self { triangles, punctual, cumulative, guide, environment, environment_probability }
+        Self { triangles, patches, punctual, cumulative, guide, environment, environment_probability }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -274,10 +276,11 @@ impl Lights {
 
     /// Bytes held but for the environment map's.
     pub(crate) fn memory(&self) -> u64 {
-        (size_of_val(&self.triangles[..])
-            + size_of_val(&self.punctual[..])
-            + size_of_val(&self.cumulative[..])
-            + size_of_val(&self.guide[..])) as u64
+        self.patches.memory()
+            + (size_of_val(&self.triangles[..])
+                + size_of_val(&self.punctual[..])
+                + size_of_val(&self.cumulative[..])
+                + size_of_val(&self.guide[..])) as u64
     }
 
     /// Density of a constant environment at a surface whose shading normal makes cosine `cos` with the direction.
@@ -342,14 +345,15 @@ impl Lights {
         while index + 1 < count && self.cumulative[index + 1] <= select {
             index += 1;
         }
-        let Some(light) = self.triangles.get(index) else {
+        if index >= self.patches.strips() {
             if !ANY || !has::<C>(Feature::PunctualLights) {
                 return None;
             }
-            return self.punctual[index - self.triangles.len()].sample(p);
-        };
-        let rest = ((select - light.cumulative) / light.probability).clamp(0.0, 1.0 - f32::EPSILON);
-        light.sample(p, Vec2::new(rest, v))
+            return self.punctual[index - self.patches.strips()].sample(p);
+        }
+        let place = self.patches.sample(index, select, v);
+        let light = &self.triangles[place.triangle as usize];
+        light.sample(p, place.weights, light.pdf_area)
     }
 
     #[inline(always)]

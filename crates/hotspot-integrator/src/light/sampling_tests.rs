@@ -16,7 +16,7 @@ use hotspot_scene::{
 };
 
 /// Each triangle an object of its own, with its radiance.
-fn scene(triangles: &[([[f32; 3]; 3], f32)]) -> Scene {
+pub(super) fn scene(triangles: &[([[f32; 3]; 3], f32)]) -> Scene {
     let mut scene = Scene::default();
     for (i, (corners, radiance)) in triangles.iter().enumerate() {
         scene.meshes.push(Mesh {
@@ -149,7 +149,7 @@ fn assert_density(scene: &RenderScene, frame: &Frame, p: Vec3, sample: &super::L
     assert!((sample.wi.length() - 1.0).abs() < 1e-5);
 }
 
-fn check(suite: &mut Suite, what: &str, scene: &Scene, p: Vec3, normal: Vec3, fine: usize) {
+pub(super) fn check(suite: &mut Suite, what: &str, scene: &Scene, p: Vec3, normal: Vec3, fine: usize) {
     let scene = RenderScene::prepare(scene, BuildOptions::default()).unwrap();
     let frame = Frame::new(normal);
     let constant = matches!(scene.lights.environment, super::Surroundings::Constant(_));

@@ -2,7 +2,6 @@
 
 use super::{LightSample, LightTarget};
 use crate::geometry::SurfaceTriangle;
-use crate::math::square_to_triangle;
 use crate::texture::Texture;
 use glam::{Vec2, Vec3};
 use hotspot_scene::Material;
@@ -11,10 +10,8 @@ use hotspot_scene::Material;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightTriangle {
     pub(super) primitive: u32,
-    /// Probability of all lights before it, given that no environment is chosen.
-    pub(super) cumulative: f32,
-    /// Its own probability, given the same.
-    pub(super) probability: f32,
+    /// Probability of taking it, given that no environment is chosen.
+    pub(super) probability: f64,
     /// Density per area, all choices included.
     pub(super) pdf_area: f32,
     pub(super) triangle: SurfaceTriangle,
@@ -29,16 +26,10 @@ pub(super) struct LightTriangle {
 }
 
 impl LightTriangle {
-    /// A point of the triangle, uniform over its area; `u` in [0, 1)².
+    /// A point of the triangle, by the barycentric weights of its second and third corner; `pdf_area`: density per area,
+    /// choice included.
     #[inline(always)]
-    pub(super) fn sample(&self, p: Vec3, u: Vec2) -> Option<LightSample> {
-        self.sample_chosen(p, u, self.pdf_area)
-    }
-
-    /// The same where the triangle was chosen otherwise than by power; `pdf_area`: density per area, choice included.
-    #[inline(always)]
-    pub(super) fn sample_chosen(&self, p: Vec3, u: Vec2, pdf_area: f32) -> Option<LightSample> {
-        let (b, c) = square_to_triangle(u);
+    pub(super) fn sample(&self, p: Vec3, (b, c): (f32, f32), pdf_area: f32) -> Option<LightSample> {
         let near_edge = b.min(c).min(1.0 - b - c) < self.edge;
         let point = if near_edge { self.triangle.point_off_edges(b, c) } else { self.triangle.point(b, c) };
         let normal = self.normal;
