@@ -7,7 +7,7 @@ use crate::node::Child;
 use crate::ray::{Hit, NO_INSTANCE, Ray};
 use crate::simd::{F8, Portable};
 use crate::traverse::SlabTest;
-use crate::triangle::{NO_PRIMITIVE, RayFrame, confirm, details, normal};
+use crate::triangle::{NO_PRIMITIVE, RayFrame, confirm, details};
 use hotspot_probe::NoProbe;
 
 /// Tests every triangle: no tree at all. `triangles` as given to the build.
@@ -19,8 +19,7 @@ pub fn brute_force(triangles: &[[[f32; 3]; 3]], ray: &Ray) -> Option<Hit> {
 pub fn brute_force_filtered<F: Filter>(triangles: &[[[f32; 3]; 3]], ray: &Ray, mut filter: F) -> Option<Hit> {
     let frame = RayFrame::new(ray);
     let (t, primitive) = loop_over(triangles, &frame, NO_INSTANCE, &mut filter)?;
-    let (u, v, normal) =
-        details(&frame, &triangles[primitive as usize], normal(&triangles[primitive as usize]));
+    let (u, v, normal) = details(&frame, &triangles[primitive as usize]);
     Some(Hit { t, u, v, primitive, instance: NO_INSTANCE, normal })
 }
 
@@ -69,7 +68,7 @@ pub fn brute_force_instanced<F: Filter>(
         let t = clamped(t, interval);
         if t < best.map_or(ray.t_max, |b| b.t) {
             let triangle = &mesh[primitive as usize];
-            let (u, v, normal) = details(&inside, triangle, normal(triangle));
+            let (u, v, normal) = details(&inside, triangle);
             let normal = placed.world_normal(normal);
             best = Some(Hit { t, u, v, primitive, instance: index as u32, normal });
         }

@@ -126,14 +126,9 @@ impl<S: Simd> SlabTest<S> {
 }
 
 impl Candidates {
-    /// The next lane, and where its triangle is hit by `t_max`, with the normal.
+    /// The next lane, and where its triangle is hit by `t_max`.
     #[inline(always)]
-    fn next(
-        &mut self,
-        block: &Block,
-        frame: &RayFrame,
-        t_max: f32,
-    ) -> (usize, [[f32; 3]; 3], Option<(f32, [f64; 3])>) {
+    fn next(&mut self, block: &Block, frame: &RayFrame, t_max: f32) -> (usize, [[f32; 3]; 3], Option<f32>) {
         let lane = self.lanes.trailing_zeros() as usize & 7;
         self.lanes &= self.lanes - 1;
         let triangle = block.triangle(lane);
@@ -178,23 +173,13 @@ struct Best {
     block: usize,
     lane: usize,
     found: bool,
-    /// Of the triangle, in its space, unnormalised.
-    normal: [f64; 3],
 }
 
 impl Best {
     /// Nothing yet. Something at `t_max` itself does not count: it would need an index below 0 to win the tie.
     #[inline(always)]
     fn none(t_max: f32) -> Self {
-        Self {
-            t: t_max,
-            primitive: 0,
-            instance: NO_INSTANCE,
-            block: 0,
-            lane: 0,
-            found: false,
-            normal: [0.0; 3],
-        }
+        Self { t: t_max, primitive: 0, instance: NO_INSTANCE, block: 0, lane: 0, found: false }
     }
 }
 
@@ -222,10 +207,10 @@ pub(crate) fn closest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
     let (u, v, normal) = if INSTANCED && best.instance != NO_INSTANCE {
         let placed = &bvh.instances[best.instance as usize];
         let frame = RayFrame::new(&placed.object_ray(ray, (0.0, 0.0), f32::INFINITY));
-        let (u, v, normal) = details(&frame, &triangle, best.normal);
+        let (u, v, normal) = details(&frame, &triangle);
         (u, v, placed.world_normal(normal))
     } else {
-        details(&frame, &triangle, best.normal)
+        details(&frame, &triangle)
     };
     Some(Hit { t: best.t, u, v, primitive: best.primitive, instance: best.instance, normal })
 }
@@ -265,14 +250,14 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
                 && left.lanes != 0
             {
                 let (lane, triangle, hit) = left.next(block, frame, best.t);
-                if let Some((t, normal)) = hit {
+                if let Some(t) = hit {
                     let primitive = block.primitives[lane];
                     // Triangles of the world win ties against those of instances.
                     let wins_ties = primitive < best.primitive || (INSTANCED && best.instance != NO_INSTANCE);
                     if (t < best.t || wins_ties)
                         && counts(filter, instance, primitive, frame, &triangle, probe)
                     {
-                        best = Best { t, primitive, instance, block: index, lane, found: true, normal };
+                        best = Best { t, primitive, instance, block: index, lane, found: true };
                     }
                 }
             }
@@ -443,7 +428,7 @@ fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
                 && left.lanes != 0
             {
                 let (lane, triangle, hit) = left.next(block, frame, t_max);
-                if hit.is_some_and(|(t, _)| t < t_max) {
+                if hit.is_some_and(|t| t < t_max) {
                     let primitive = block.primitives[lane];
                     if counts(filter, instance, primitive, frame, &triangle, probe) {
                         return true;

@@ -264,11 +264,10 @@ pub(crate) fn confirm(frame: &RayFrame, triangle: &[[f32; 3]; 3], t_max: f32) ->
     if !passes {
         return None;
     }
-    decide(frame, triangle, (enter, leave), false, t_max).map(|(t, _)| t)
+    decide(frame, triangle, (enter, leave), false, t_max)
 }
 
-/// [`confirm`] for a triangle that passes rule 2, with that rule's interval; `inside`: it surely passes rule 1 as well. With t
-/// the triangle's unnormalised normal, for [`details`].
+/// [`confirm`] for a triangle that passes rule 2, with that rule's interval; `inside`: it surely passes rule 1 as well.
 #[inline(always)]
 pub(crate) fn decide(
     frame: &RayFrame,
@@ -276,7 +275,7 @@ pub(crate) fn decide(
     (enter, leave): (f32, f32),
     inside: bool,
     t_max: f32,
-) -> Option<(f32, [f64; 3])> {
+) -> Option<f32> {
     let o = frame.ray.origin;
     let d = frame.ray.direction;
     let t_min = frame.ray.t_min;
@@ -299,7 +298,7 @@ pub(crate) fn decide(
     let t = if plane_t < enter { enter } else { plane_t };
     let t = if t > leave { leave } else { t };
     // One branch, since each condition alone is a coin toss.
-    ((plane_t > 0.0) & (t > t_min) & (t <= t_max)).then_some((t, n))
+    ((plane_t > 0.0) & (t > t_min) & (t <= t_max)).then_some(t)
 }
 
 /// Rule 1 in f64: seldom needed, so it is kept out of the way. By value: a reference would keep ray and triangle in memory
@@ -322,11 +321,11 @@ fn plane(triangle: &[[f32; 3]; 3]) -> ([f64; 3], [f64; 3]) {
     ([e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2], e1[0] * e2[1] - e1[1] * e2[0]], v0)
 }
 
-/// Barycentric weights of the second and third vertex, and the unit normal: for the winner only, in f64. `n`: what [`decide`]
-/// returned.
+/// Barycentric weights of the second and third vertex, and the unit normal: for the winner only, in f64.
 #[inline(always)]
-pub(crate) fn details(frame: &RayFrame, triangle: &[[f32; 3]; 3], n: [f64; 3]) -> (f32, f32, [f32; 3]) {
+pub(crate) fn details(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> (f32, f32, [f32; 3]) {
     let (u, v) = barycentric(frame, triangle);
+    let (n, _) = plane(triangle);
     let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
     let normal = if length > 0.0 {
         let scale = 1.0 / length;
@@ -346,12 +345,6 @@ pub(crate) fn barycentric(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> (f32, f
     let second = v / sum;
     let third = (w / sum).min(1.0 - second);
     (second as f32, third as f32)
-}
-
-/// Unnormalised normal (edge 1 × edge 2).
-#[inline(always)]
-pub(crate) fn normal(triangle: &[[f32; 3]; 3]) -> [f64; 3] {
-    plane(triangle).0
 }
 
 #[cfg(test)]
