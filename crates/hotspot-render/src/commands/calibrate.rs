@@ -169,7 +169,8 @@ impl<'a> Subject<'a> {
     fn time(&mut self, control: Control<'_>) -> Result<(), Fail> {
         // The caches hold the scene whose turn it was: unwarmed, the first tiles of each thread took up to three times as long in
         // every repeat, which no count explains.
-        let warm = Settings { spp: 1, ..self.settings.clone() };
+        let mut warm = self.settings.clone();
+        warm.spp = 1;
         unless_cancelled(&self.stage.render(&warm, control))?;
         let timed = self.stage.render(&self.settings, control);
         unless_cancelled(&timed)?;
