@@ -197,6 +197,8 @@ impl WhatIf {
             parts.push("image the same within noise".to_owned());
         } else if let Some(flip) = flip {
             parts.push(format!("image FLIP {flip:.2}"));
+        } else if let Some(relmse) = relmse {
+            parts.push(format!("image relMSE {relmse:.1e}"));
         }
         format!("{}: {}", self.change.what, parts.join(", "))
     }
@@ -273,7 +275,13 @@ pub fn with_interval(relative: f64, ci95: Option<[f64; 2]>) -> String {
         Some(width) if width < 0.001 => 2,
         _ => 1,
     };
-    let number = format!("{:+.digits$} %", 100.0 * relative).replace('-', "\u{2212}");
+    let number = format!("{:+.digits$}", 100.0 * relative).replace('-', "\u{2212}");
+    // What rounds to nothing has no sign.
+    let zero = !number.contains(|c: char| ('1'..='9').contains(&c));
+    let number = format!(
+        "{} %",
+        if zero { &number[number.len() - if digits > 0 { digits + 2 } else { 1 }..] } else { &number }
+    );
     match width {
         Some(width) => format!("{number} ± {:.digits$} %", 100.0 * width),
         None => number,
@@ -366,11 +374,15 @@ mod tests {
         assert_eq!(with_interval(-0.21, Some([-0.24, -0.18])), "\u{2212}21 % ± 3 %");
         assert_eq!(with_interval(0.01234, Some([0.0121, 0.01258])), "+1.23 % ± 0.02 %");
         assert_eq!(with_interval(0.5, None), "+50.0 %");
+        assert_eq!(with_interval(-0.002, Some([-0.06, 0.06])), "0 % ± 6 %");
+        assert_eq!(with_interval(-0.0002, Some([-0.012, 0.0116])), "0.0 % ± 1.2 %");
         let verdict = full().verdict();
         assert!(verdict.starts_with("material \"Mirror\" matte: intersection cost "), "{verdict}");
         assert!(verdict.contains(", time \u{2212}2") && verdict.ends_with("image FLIP 0.10"), "{verdict}");
         assert!(!verdict.contains("standard errors") && !verdict.contains("repeats"), "{verdict}");
         let mut same = full();
+        same.image.flip = None;
+        assert!(same.verdict().ends_with("image relMSE 1.0e-2"), "{}", same.verdict());
         same.image.relmse = Some(0.0015);
         assert!(same.verdict().ends_with("image the same within noise"), "{}", same.verdict());
     }

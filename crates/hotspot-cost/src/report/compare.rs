@@ -18,7 +18,7 @@ pub fn compare_html(input: &CompareInput<'_>) -> String {
         include_str!("compare.html"),
         &[
             ("title", &escape::name(&input.title, NAME)),
-            ("verdict", &escape::name(&input.verdict, TEXT)),
+            ("verdict", &escape::name(&parts::unbroken(&input.verdict), TEXT)),
             ("name_a", &escape::name(&input.a.name, NAME)),
             ("name_b", &escape::name(&input.b.name, NAME)),
             ("beauty_a", &parts::image(a.as_deref(), "beautyA", &format!("A: {}", input.a.name))),

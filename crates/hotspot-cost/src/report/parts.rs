@@ -97,6 +97,11 @@ pub(super) fn layout(width: u32, height: u32) -> (&'static str, String) {
     (if aspect >= 1.45 { "wide" } else { "tall" }, format!("{:.4}", aspect.clamp(0.05, 20.0)))
 }
 
+/// With spaces inside of "2.3 % ± 0.5 %" at which no line ends.
+pub(super) fn unbroken(text: &str) -> String {
+    text.replace(" %", "\u{a0}%").replace(" ± ", "\u{a0}±\u{a0}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

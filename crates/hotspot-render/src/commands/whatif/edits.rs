@@ -73,7 +73,9 @@ pub(super) fn described(edits: &[Edit], met: &[Affected], [before, after]: [u32;
     for (edit, met) in edits.iter().zip(met) {
         words.push(edit.to_string());
         change.options.push(option(edit));
-        change.affected.push(format!("{edit}: {} triangles of {} objects", met.triangles, met.objects));
+        let objects =
+            if met.objects == 1 { "one object".to_owned() } else { format!("{} objects", met.objects) };
+        change.affected.push(format!("{edit}: {} triangles of {objects}", met.triangles));
         if met.instances == 0 {
             change.warnings.push(format!("{edit}: nothing in the scene is made of it"));
         }
