@@ -1,18 +1,20 @@
 //! Sample points: Owen-scrambled Sobol, or independent.
 //!
 //! Points come in sets of four dimensions ([`Dimensions`] says what each is for). Within a set, the samples of a pixel
-//! are the first four dimensions of one Owen-scrambled, shuffled Sobol sequence (Burley, *Practical Hash-based Owen
-//! Scrambling*, JCGT 2020; Laine–Karras hash as improved in the `sobol_burley` crate); sets and pixels are randomised
-//! against each other by their seed (padding). A point depends on (pixel, sample index, set, seed) alone, so any range of
+//! are four dimensions of one Owen-scrambled, shuffled Sobol sequence (Burley, *Practical Hash-based Owen
+//! Scrambling*, JCGT 2020; Laine–Karras hash as improved in the `sobol_burley` crate). Four segments in a row share a sequence
+//! of sixteen dimensions; all other sets, and pixels, are randomised against each other by their seed (padding). A point depends on (pixel, sample index, set, seed) alone, so any range of
 //! samples can be rendered anywhere.
 //!
 //! # Which number is used for what
 //!
-//! Only numbers of one set are stratified jointly, so a set holds what one term of the path integral depends on most. The
+//! Numbers of one set are stratified jointly best, so a set holds what one term of the path integral depends on most. The
 //! light that a vertex sends on towards the camera is a function of the direction that led to the vertex and of the point
 //! chosen on a light; the direction sampled *at* the vertex belongs to the next term. Hence one set per segment
 //! ([`Dimensions::segment`]): the pair that made the direction (the position on the film, or the BSDF's sample at the vertex
-//! before), and the pair of the light sample where it lands. A path of n vertices uses n + 1 of them.
+//! before), and the pair of the light sample where it lands. A path of n vertices uses n + 1 of them. Light of two bounces and more
+//! depends on the directions before as well, so segments 1 to 4, 5 to 8, and so on take the same points of one sequence, dimensions
+//! 0 to 3, 4 to 7, 8 to 11 and 12 to 15 of it.
 //!
 //! | set | 0, 1 | 2, 3 |
 //! |---|---|---|
@@ -24,31 +26,48 @@
 //! on, so that lobe and direction are stratified as one; likewise the light's pair chooses the light first
 //! ([`light`](crate::light)). Roulette and mixtures have numbers of their own: they decide about everything that follows.
 //!
-//! The pair 0, 1 of a set is a (0, 2)-sequence: 2^k samples put one point into each cell of every 2^a × 2^b grid, a + b = k.
-//! The pair 2, 3 and the four jointly are nets of slightly lesser quality. All this holds best for powers of two samples;
+//! The pair 0, 1 of the film and of segments 1, 5, … is a (0, 2)-sequence: 2^k samples put one point into each cell of every
+//! 2^a × 2^b grid, a + b = k. Later pairs and sets jointly are nets of lesser quality. All this holds best for powers of two samples;
 //! other numbers are as right but less even.
 //!
-//! The points are those of `sobol_burley::sample_4d`, bit for bit (a test compares them); only the work is arranged for a
+//! The points of a set by itself are those of `sobol_burley::sample_4d`, bit for bit (a test compares them); only the work is arranged for a
 //! renderer: the unscrambled points come from two tables, and the hashes of a set are made once per pixel.
 
 use sobol_burley::parts;
 use std::sync::LazyLock;
 
-/// The first four Sobol dimensions of indices below 2^16, bits reversed as in `sobol_burley`: the exclusive or of one row
+/// Four Sobol dimensions of indices below 2^16, bits reversed as in `sobol_burley`: the exclusive or of one row
 /// by the index's high byte (reversed: the low bits come first) and one by its low byte.
 struct Table([[[u32; 4]; 256]; 2]);
 
-static TABLE: LazyLock<Table> = LazyLock::new(|| {
-    let row = |reversed: u32| [0, 1, 2, 3].map(|dimension| parts::sobol_rev(reversed, dimension));
-    Table([24, 16].map(|shift| core::array::from_fn(|byte| row((byte as u32) << shift))))
+/// Segments that share a sequence.
+const TOGETHER: u32 = 4;
+
+/// Tables of the Sobol dimensions of those segments, in their order: four each. Sets by themselves take the first.
+static TABLES: LazyLock<[Table; TOGETHER as usize]> = LazyLock::new(|| {
+    core::array::from_fn(|place| {
+        let row = |reversed: u32| [0, 1, 2, 3].map(|d| parts::sobol_rev(reversed, 4 * place as u32 + d));
+        Table([24, 16].map(|shift| core::array::from_fn(|byte| row((byte as u32) << shift))))
+    })
 });
+
+/// Which of [`TABLES`] a set takes, and the set that gives the order of its points: sets of one sequence have it in common.
+#[inline(always)]
+const fn sequence(set: u32) -> (u32, u32) {
+    if set == 0 || set % 2 == 1 {
+        return (0, set);
+    }
+    let place = (set / 2 - 1) % TOGETHER;
+    (place, set - 2 * place)
+}
 
 /// Sets whose hashes are kept per pixel (eight vertices deep); deeper ones are hashed each time.
 const KEPT: usize = 16;
 
-/// The scrambles of a set: of the index, and of the four dimensions.
+/// The scrambles of a set: of the index, and of the four dimensions; and which table they are of.
 #[derive(Clone, Copy, Debug, Default)]
 struct Scrambles {
+    table: u32,
     index: u32,
     dimensions: [u32; 4],
 }
@@ -56,7 +75,8 @@ struct Scrambles {
 impl Scrambles {
     #[inline(always)]
     fn new(key: u32, set: u32) -> Self {
-        Self::of_seed(seed_of(key, set))
+        let (table, order) = sequence(set);
+        Self { table, index: index_of_seed(seed_of(key, order)), ..Self::of_seed(seed_of(key, set)) }
     }
 
     /// As `sobol_burley` derives them from its seed.
@@ -67,8 +87,13 @@ impl Scrambles {
         for d in &mut dimensions {
             *d = parts::hash(*d ^ base);
         }
-        Self { index: parts::hash(seed ^ 0x79c6_8e4a), dimensions }
+        Self { table: 0, index: index_of_seed(seed), dimensions }
     }
+}
+
+#[inline(always)]
+fn index_of_seed(seed: u32) -> u32 {
+    parts::hash(seed ^ 0x79c6_8e4a)
 }
 
 /// The seed of a set, from a pixel's key.
@@ -78,8 +103,9 @@ const fn seed_of(key: u32, set: u32) -> u32 {
 }
 
 #[inline(always)]
-fn sobol(table: &Table, index: u32, scrambles: &Scrambles) -> [f32; 4] {
+fn sobol(tables: &[Table; TOGETHER as usize], index: u32, scrambles: &Scrambles) -> [f32; 4] {
     let index = parts::owen_scramble_rev(index.reverse_bits(), scrambles.index);
+    let table = &tables[scrambles.table as usize];
     let high = &table.0[0][(index >> 24) as usize];
     let low = &table.0[1][(index >> 16 & 0xff) as usize];
     let mut points = [0.0; 4];
@@ -134,7 +160,7 @@ impl Dimensions {
 pub(crate) struct PixelSampler {
     kind: SamplerKind,
     key: u32,
-    table: &'static Table,
+    tables: &'static [Table; TOGETHER as usize],
     kept: [Scrambles; KEPT],
 }
 
@@ -155,7 +181,7 @@ impl PixelSampler {
         for (set, scrambles) in kept.iter_mut().enumerate() {
             *scrambles = Scrambles::new(key, set as u32);
         }
-        Self { kind, key, table: &TABLE, kept }
+        Self { kind, key, tables: &TABLES, kept }
     }
 
     /// The points of sample `index`. A Sobol sequence is exact to 2^16 samples; each further block of 2^16 has a
@@ -172,7 +198,7 @@ impl Sampler<'_> {
     pub(crate) fn get(&self, set: u32) -> [f32; 4] {
         let pixel = self.pixel;
         if pixel.kind == SamplerKind::Sobol && self.block == 0 && (set as usize) < KEPT {
-            sobol(pixel.table, self.index, &pixel.kept[set as usize])
+            sobol(pixel.tables, self.index, &pixel.kept[set as usize])
         } else {
             self.uncommon(set)
         }
@@ -190,7 +216,7 @@ impl Sampler<'_> {
         let pixel = self.pixel;
         let key = if self.block == 0 { pixel.key } else { hash(self.block, pixel.key) };
         match pixel.kind {
-            SamplerKind::Sobol => sobol(pixel.table, self.index, &Scrambles::new(key, set)),
+            SamplerKind::Sobol => sobol(pixel.tables, self.index, &Scrambles::new(key, set)),
             SamplerKind::Independent => independent(seed_of(key, set), self.index),
         }
     }
@@ -238,25 +264,46 @@ mod tests {
     fn the_points_are_those_of_the_crate() {
         for seed in [0, 1, 77, 0xdead_beef] {
             for index in (0..1 << 16).step_by(7) {
-                let ours = sobol(&TABLE, index, &Scrambles::of_seed(seed));
+                let ours = sobol(&TABLES, index, &Scrambles::of_seed(seed));
                 assert_eq!(ours, sobol_burley::sample_4d(index, 0, seed), "seed {seed}, index {index}");
             }
         }
         // Kept and uncommon sets, and blocks beyond the first, take the same route.
         let pixel = PixelSampler::new(SamplerKind::Sobol, 3, 4, 0, 5);
         for (index, key) in [(9, pixel.key), ((1 << 16) + 9, hash(1, pixel.key))] {
-            for set in [0, 1, KEPT as u32 - 1, KEPT as u32, 40] {
+            for set in [0, 1, 2, KEPT as u32 - 1, KEPT as u32 + 2, 42] {
                 let expected = sobol_burley::sample_4d(9, 0, seed_of(key, set));
                 assert_eq!(pixel.sample(index).get(set), expected, "set {set}, index {index}");
             }
         }
     }
 
+    /// Segments that share a sequence: its first sixteen dimensions, of one index, each with a scramble of its own.
+    #[test]
+    fn segments_share_a_sequence() {
+        let pixel = PixelSampler::new(SamplerKind::Sobol, 3, 4, 0, 5);
+        for vertex in 1..=20 {
+            let set = Dimensions::segment(vertex);
+            let first = Dimensions::segment((vertex - 1) / 4 * 4 + 1);
+            for number in [0, 9, 1000, (1 << 16) - 1] {
+                let order = Scrambles::of_seed(seed_of(pixel.key, first)).index;
+                let index = parts::owen_scramble_rev(u32::reverse_bits(number), order);
+                let scrambles = Scrambles::of_seed(seed_of(pixel.key, set)).dimensions;
+                let expected = [0, 1, 2, 3].map(|d| {
+                    let unscrambled = parts::sobol_rev(index, (vertex - 1) % 4 * 4 + d);
+                    let scrambled = parts::owen_scramble_rev(unscrambled, scrambles[d as usize]);
+                    parts::u32_to_f32_norm(scrambled.reverse_bits())
+                });
+                assert_eq!(pixel.sample(number.into()).get(set), expected, "vertex {vertex}, {number}");
+            }
+        }
+    }
+
     /// Elementary intervals: 2^k samples of a Sobol pair put exactly one point into each cell of every 2^a × 2^b grid,
-    /// a + b = k, for the pairs that matter (film; BSDF; the light pair is a (t, m, 2)-net with small t).
+    /// a + b = k, for the pairs that matter most (film; first BSDF; the others are (t, m, 2)-nets).
     #[test]
     fn the_named_pairs_are_stratified() {
-        for set in [0, 1, 4].map(Dimensions::segment) {
+        for set in [0, 1, 5].map(Dimensions::segment) {
             let pixel = PixelSampler::new(SamplerKind::Sobol, 17, 4, 0, 9);
             let points: Vec<_> = (0..256).map(|i| pixel.sample(i).get(set)).collect();
             for a in 0..=8u32 {

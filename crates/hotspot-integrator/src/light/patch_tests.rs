@@ -213,7 +213,7 @@ fn a_parallelogram_is_not_torn() {
 fn cells_of_the_square_are_places_of_the_lamp() {
     let (ball, faces) = sphere(24, 32);
     let (plate, cells) = grid(24);
-    for (name, scene, most) in [("ball", one(&ball, &faces), 0.7), ("plate", one(&plate, &cells), 0.09)] {
+    for (name, scene, most) in [("ball", one(&ball, &faces), 0.5), ("plate", one(&plate, &cells), 0.09)] {
         let lights = lights(&scene);
         let mut random = Random(7);
         let mut sum = 0.0;

@@ -8,7 +8,7 @@
 //! the diagonal, is laid upon them, continuously and with the same density everywhere. All other triangles are patches
 //! by themselves, with the square folded onto them ([`square_to_triangle`]).
 //!
-//! **Strips.** The patches of a part are cut into strips, across its longest axis, of about √n patches each. The first number
+//! **Strips.** The patches of a part are cut into strips, across its longest axis, about as wide as a patch is long. The first number
 //! chooses the strip (of all parts'), the second one the patch within it, where patches lie in order: along the second axis
 //! or, on closed surfaces, around the first. What the choices leave of both numbers makes the point. A sphere's strips are
 //! the slabs between parallels, and places in them longitudes: Archimedes' map of equal areas.
@@ -162,7 +162,7 @@ impl Patches {
         };
         patches.sort_by(|a, b| layout.along(middle(a)).total_cmp(&layout.along(middle(b))));
         // Strips of the same power each, as nearly as patches allow.
-        let strips = (patches.len() as f64).sqrt().round();
+        let strips = layout.strips(patches.len());
         let total: f64 = patches.iter().map(own).sum();
         let mut before = 0.0;
         let mut strip_of = Vec::with_capacity(patches.len());
@@ -281,6 +281,7 @@ impl Patch {
 /// The axes along which a part is cut.
 struct Layout {
     centre: DVec3,
+    extent: DVec3,
     /// Of the longest, the middle and the shortest side of its box.
     axes: [usize; 3],
     /// Whether places lie around the first axis, rather than along the second.
@@ -303,7 +304,14 @@ impl Layout {
         let extent = max - min;
         let mut axes = [0, 1, 2];
         axes.sort_by(|a, b| extent[*b].total_cmp(&extent[*a]));
-        Self { centre: 0.5 * (min + max), axes, closed: vector.length() < OPEN * scalar }
+        Self { centre: 0.5 * (min + max), extent, axes, closed: vector.length() < OPEN * scalar }
+    }
+
+    /// How many strips `count` patches make, so that patches are about as long as they are wide.
+    fn strips(&self, count: usize) -> f64 {
+        let [first, second, third] = self.axes.map(|axis| self.extent[axis]);
+        let across = if self.closed { core::f64::consts::FRAC_PI_2 * (second + third) } else { second };
+        (count as f64 * (first / across)).sqrt().round().clamp(1.0, count as f64)
     }
 
     fn along(&self, p: DVec3) -> f64 {
