@@ -44,8 +44,7 @@ pub(super) struct Strip {
 /// One triangle, or two.
 #[derive(Clone, Copy, Debug)]
 struct Patch {
-    /// Probability of all before it in its strip, and its own, given the strip.
-    cumulative: f32,
+    /// Given its strip.
     probability: f32,
     halves: [Half; 2],
     pair: bool,
@@ -75,6 +74,10 @@ pub(super) struct Place {
 pub(super) struct Patches {
     strips: Vec<Strip>,
     patches: Vec<Patch>,
+    /// Of each patch: probability of all before it in its strip, given the strip.
+    cumulative: Vec<f32>,
+    /// For each of as many equal intervals of [0, 1) as a strip has patches, beside these: its last patch that begins before.
+    guide: Vec<u32>,
 }
 
 impl Patches {
@@ -96,10 +99,22 @@ impl Patches {
             };
             let total: f64 = patches.iter().map(own).sum();
             let mut within = 0.0;
-            for patch in patches {
+            let start = this.cumulative.len();
+            for patch in patches.iter_mut() {
                 let probability = own(patch) / total;
-                (patch.cumulative, patch.probability) = (within as f32, probability as f32);
+                this.cumulative.push(within as f32);
+                patch.probability = probability as f32;
                 within += probability;
+            }
+            let cumulative = &this.cumulative[start..];
+            let mut last = 0;
+            for interval in 0..patches.len() {
+                // The number may round up into the interval.
+                let begin = interval as f32 / patches.len() as f32 * (1.0 - 4.0 * f32::EPSILON);
+                while last + 1 < patches.len() && cumulative[last + 1] <= begin {
+                    last += 1;
+                }
+                this.guide.push(last as u32);
             }
             (strip.cumulative, strip.probability) = (before as f32, total as f32);
             before += total;
@@ -122,7 +137,10 @@ impl Patches {
     }
 
     pub(super) fn memory(&self) -> u64 {
-        (size_of_val(&self.strips[..]) + size_of_val(&self.patches[..])) as u64
+        (size_of_val(&self.strips[..])
+            + size_of_val(&self.patches[..])
+            + size_of_val(&self.cumulative[..])
+            + size_of_val(&self.guide[..])) as u64
     }
 
     /// A place of strip `index`, which `select` chose; `v`: the second number.
@@ -131,13 +149,17 @@ impl Patches {
         const BELOW_ONE: f32 = 1.0 - 0.5 * f32::EPSILON;
         let strip = &self.strips[index];
         let x = ((select - strip.cumulative) / strip.probability).clamp(0.0, BELOW_ONE);
-        let patches = &self.patches[strip.first as usize..][..strip.count as usize];
-        let (patch, y) = if let [patch] = patches {
-            (patch, v)
-        } else {
-            let patch = &patches[patches[1..].partition_point(|p| p.cumulative <= v)];
-            (patch, ((v - patch.cumulative) / patch.probability).clamp(0.0, BELOW_ONE))
-        };
+        let (first, count) = (strip.first as usize, strip.count as usize);
+        if count == 1 {
+            return self.patches[first].place(x, v);
+        }
+        let cumulative = &self.cumulative[first..][..count];
+        let mut chosen = self.guide[first..][..count][((v * count as f32) as usize).min(count - 1)] as usize;
+        while chosen + 1 < count && cumulative[chosen + 1] <= v {
+            chosen += 1;
+        }
+        let patch = &self.patches[first + chosen];
+        let y = ((v - cumulative[chosen]) / patch.probability).clamp(0.0, BELOW_ONE);
         patch.place(x, y)
     }
 
@@ -251,7 +273,7 @@ fn pairs(lights: &[LightTriangle], geometry: &Geometry, range: core::ops::Range<
             Some([first, second]) => Some(Patch::of_two(triangle, first, second)),
             None => {
                 let half = Half { triangle: i, weights: [1, 2] };
-                Some(Patch { cumulative: 0.0, probability: 0.0, halves: [half; 2], pair: false })
+                Some(Patch { probability: 0.0, halves: [half; 2], pair: false })
             }
         })
         .collect()
@@ -274,7 +296,7 @@ impl Patch {
             };
             Half { triangle: i, weights: [weight(1), weight(2)] }
         };
-        Self { cumulative: 0.0, probability: 0.0, halves: [half(first), half(second)], pair: true }
+        Self { probability: 0.0, halves: [half(first), half(second)], pair: true }
     }
 }
 
