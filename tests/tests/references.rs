@@ -28,12 +28,15 @@ const EDGE: usize = 8;
 const SMALL_EDGE: usize = 2;
 /// Pictures without small tiles. Some of their light is found seldom (caustics, a spot among stronger lights, the lamp through
 /// three panes): where four pixels have not found it yet, both their mean and its apparent spread are too small, and t
-/// does not follow Student. Sums over 64 pixels are normal enough.
+/// does not follow Student. Sums over 64 pixels are normal enough from [`LONG_TAILED`] on: with 8 renders of 16 samples a
+/// tile of `metal` was once 1.6 % too dark at p = 1.5e-6, and 0.02 ± 0.06 % off with 4096.
 const LONG_TAILS: [&str; 4] = ["glass", "lights-punctual", "metal", "alpha-blend"];
 
 /// Renders, and samples per pixel of each.
 type Effort = (u64, u32);
 const SHORT: Effort = (8, 16);
+/// For pictures with long tails.
+const LONG_TAILED: Effort = (16, 32);
 const LONG: Effort = (16, 64);
 
 fn folder() -> PathBuf {
@@ -119,7 +122,8 @@ fn check_with(name: &str, instancing: Instancing, effort: Effort) {
 }
 
 fn check(name: &str) {
-    check_with(name, Instancing::Auto, SHORT);
+    let effort = if LONG_TAILS.contains(&name) { LONG_TAILED } else { SHORT };
+    check_with(name, Instancing::Auto, effort);
 }
 
 #[test]
