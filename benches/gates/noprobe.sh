@@ -48,7 +48,7 @@ sed -i -E \
     -e 's/, P: RayProbe//; s/<P: RayProbe, /</' \
     -e 's/::<S, P, /::<S, /g' \
     -e 's/, (&mut )?probe\)/)/g' \
-    -e 's/filter\.accept\(&candidate\)/filter.accept(\&candidate, \&mut NoProbe)/' \
+    -e 's/(counts\(filter, instance, primitive, frame, &triangle)\)/\1, \&mut NoProbe)/' \
     -e 's/^use hotspot_probe::RayProbe;/use hotspot_probe::NoProbe;/' "$traverse"
 sed -i -E -e 's/traverse::(closest|any)::<S, P, /traverse::\1::<S, /; s/(traverse::.*), probe\)/\1)/' \
     "$target/without/crates/hotspot-bvh/src/lib.rs"
