@@ -15,6 +15,7 @@ pub(crate) fn with_capacity<T>(count: usize) -> Vec<T> {
     let vec = Vec::with_capacity(count);
     #[cfg(target_os = "linux")]
     if count.saturating_mul(size_of::<T>()) >= WORTHWHILE {
+        // Where pages are larger and the range does not begin on one, the system refuses, which is as good as no request.
         const PAGE: usize = 4096;
         let start = (vec.as_ptr() as usize).next_multiple_of(PAGE);
         let end = (vec.as_ptr() as usize + count * size_of::<T>()) / PAGE * PAGE;
@@ -25,4 +26,17 @@ pub(crate) fn with_capacity<T>(count: usize) -> Vec<T> {
         }
     }
     vec
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn holds_what_a_vec_holds_on_either_side_of_the_request() {
+        for count in [0u32, 1, 1000, 3 << 20] {
+            let mut vec = super::with_capacity(count as usize);
+            assert!(vec.capacity() >= count as usize && vec.is_empty());
+            vec.extend(0..count);
+            assert!(vec.iter().copied().eq(0..count), "{count} numbers");
+        }
+    }
 }

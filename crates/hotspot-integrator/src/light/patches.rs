@@ -93,15 +93,11 @@ impl Patches {
         let mut before = 0.0;
         for strip in &mut this.strips {
             let patches = &mut this.patches[strip.first as usize..][..strip.count as usize];
-            let own = |patch: &Patch| -> f64 {
-                let triangles = &patch.halves[..if patch.pair { 2 } else { 1 }];
-                triangles.iter().map(|half| lights[half.triangle as usize].probability).sum()
-            };
-            let total: f64 = patches.iter().map(own).sum();
+            let total: f64 = patches.iter().map(|patch| patch.power(lights)).sum();
             let mut within = 0.0;
             let start = this.cumulative.len();
             for patch in patches.iter_mut() {
-                let probability = own(patch) / total;
+                let probability = patch.power(lights) / total;
                 this.cumulative.push(within as f32);
                 patch.probability = probability as f32;
                 within += probability;
@@ -178,18 +174,14 @@ impl Patches {
             let of = |half: &Half| corners(lights, geometry, half.triangle).iter().sum::<DVec3>() / 3.0;
             0.5 * (of(&patch.halves[0]) + of(&patch.halves[1]))
         };
-        let own = |patch: &Patch| {
-            let of = |half: &Half| lights[half.triangle as usize].probability;
-            if patch.pair { of(&patch.halves[0]) + of(&patch.halves[1]) } else { of(&patch.halves[0]) }
-        };
         patches.sort_by(|a, b| layout.along(middle(a)).total_cmp(&layout.along(middle(b))));
         // Strips of the same power each, as nearly as patches allow.
         let strips = layout.strips(patches.len());
-        let total: f64 = patches.iter().map(own).sum();
+        let total: f64 = patches.iter().map(|patch| patch.power(lights)).sum();
         let mut before = 0.0;
         let mut strip_of = Vec::with_capacity(patches.len());
         for patch in &patches {
-            let power = own(patch);
+            let power = patch.power(lights);
             strip_of.push((((before + 0.5 * power) / total * strips) as u32).min(strips as u32 - 1));
             before += power;
         }
@@ -210,6 +202,12 @@ impl Patches {
 }
 
 impl Patch {
+    /// Probability of taking one of its triangles, given that no environment is chosen.
+    fn power(&self, lights: &[LightTriangle]) -> f64 {
+        let triangles = &self.halves[..if self.pair { 2 } else { 1 }];
+        triangles.iter().map(|half| lights[half.triangle as usize].probability).sum()
+    }
+
     #[inline(always)]
     fn place(&self, x: f32, y: f32) -> Place {
         if !self.pair {
@@ -234,7 +232,8 @@ fn corners(lights: &[LightTriangle], geometry: &Geometry, triangle: u32) -> [DVe
     geometry.triangles[primitive as usize].map(|p| Vec3::from_array(p).as_dvec3())
 }
 
-/// Pairs triangles of the same area across their longest edges, greedily, longest first; what is left stays alone. In the order of their first triangles.
+/// Pairs triangles of the same area across their longest edges, greedily, longest first; what is left stays alone. In the order
+/// of their first triangles.
 fn pairs(lights: &[LightTriangle], geometry: &Geometry, range: core::ops::Range<u32>) -> Vec<Patch> {
     // A zero has one sign.
     let bits = |p: [f32; 3]| p.map(|x| (x + 0.0).to_bits());
