@@ -97,9 +97,9 @@ fn main() {
     println!("isa {}, {} rounds, rays of {} x {} pixels", o.isa.name(), o.rounds, o.size, o.size);
     for name in &o.scenes {
         let soup = if name == "million" { Soup::million() } else { Soup::load(name.as_ref()) };
-        let bvhs = pool.install(|| builds(&o, &soup, peer.as_mut()));
+        let built = pool.install(|| builds(&o, &soup, peer.as_mut()));
         for kind in Kind::ALL {
-            compare(&o, &soup, kind, &bvhs, peer.as_mut());
+            compare(&o, &soup, kind, &built, peer.as_mut());
         }
     }
     leaks(&o, peer.as_mut());
@@ -107,8 +107,14 @@ fn main() {
     let _ = std::fs::remove_dir_all(folder);
 }
 
+/// Trees by quality, and the seconds that each took.
+struct Built {
+    bvhs: Vec<Bvh>,
+    seconds: Vec<f64>,
+}
+
 /// Builds with each quality, in turns with Embree: medians of seconds.
-fn builds(o: &Options, soup: &Soup, mut peer: Option<&mut Peer>) -> Vec<Bvh> {
+fn builds(o: &Options, soup: &Soup, mut peer: Option<&mut Peer>) -> Built {
     let triangles = &soup.triangles;
     println!("\n{}: {} triangles", soup.name, triangles.len());
     println!("  {:<22} {:>9} {:>7} {:>12}", "build", "seconds", "ratio", "bytes/tri");
@@ -151,11 +157,19 @@ fn builds(o: &Options, soup: &Soup, mut peer: Option<&mut Peer>) -> Vec<Bvh> {
         let ratio = medians[i] / medians[o.qualities.len()];
         println!("  {name:<22} {:>9.3} {ratio:>7.2} {per:>12.1}", medians[i]);
     }
-    bvhs
+    Built { bvhs, seconds: medians[..o.qualities.len()].to_vec() }
+}
+
+/// From how many rays on a slower build has paid for itself by faster rays, given the seconds of builds and of a ray each;
+/// `None`: never.
+fn break_even(build: [f64; 2], ray: [f64; 2]) -> Option<f64> {
+    let (costs, gains) = (build[1] - build[0], ray[0] - ray[1]);
+    (gains > 0.0).then(|| costs.max(0.0) / gains)
 }
 
 /// Traces in turns.
-fn compare(o: &Options, soup: &Soup, kind: Kind, bvhs: &[Bvh], mut peer: Option<&mut Peer>) {
+fn compare(o: &Options, soup: &Soup, kind: Kind, built: &Built, mut peer: Option<&mut Peer>) {
+    let bvhs = &built.bvhs[..];
     let rays = rays(soup, &bvhs[0], o.size, kind);
     if rays.is_empty() {
         return;
@@ -206,6 +220,13 @@ fn compare(o: &Options, soup: &Soup, kind: Kind, bvhs: &[Bvh], mut peer: Option<
                 ratios.sort_by(f64::total_cmp);
                 let (lo, hi) = (ratios[ratios.len() / 4], ratios[ratios.len() * 3 / 4]);
                 print!("   {:.3} x {mode} ({lo:.3}..{hi:.3}; {:.2})", median(&mut ratios), rate(theirs));
+            }
+        }
+        if let Some(before) = i.checked_sub(1) {
+            let ray = [before, i].map(|side| 1e-6 / rate(&seconds[side]));
+            match break_even([built.seconds[before], built.seconds[i]], ray) {
+                Some(rays) => print!("   pays from {:.1} million rays on", rays * 1e-6),
+                None => print!("   never pays"),
             }
         }
         println!();

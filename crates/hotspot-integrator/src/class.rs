@@ -63,8 +63,8 @@ pub(crate) trait Class {
 pub(crate) struct MatteClass;
 pub(crate) struct LobesClass;
 pub(crate) struct FullClass;
-/// Everything, with learned light sampling: one more kernel for all scenes that ask for it.
-pub(crate) struct LearnedClass;
+/// A class with learned light sampling: kernels of their own for scenes that ask for it.
+pub(crate) struct Learning<C>(core::marker::PhantomData<C>);
 
 impl Class for MatteClass {
     const LOBES: bool = false;
@@ -78,9 +78,9 @@ impl Class for FullClass {
     const LOBES: bool = true;
     const TEXTURED: bool = true;
 }
-impl Class for LearnedClass {
-    const LOBES: bool = true;
-    const TEXTURED: bool = true;
+impl<C: Class> Class for Learning<C> {
+    const LOBES: bool = C::LOBES;
+    const TEXTURED: bool = C::TEXTURED;
     const LEARNED: bool = true;
 }
 

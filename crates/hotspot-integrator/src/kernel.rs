@@ -2,7 +2,7 @@
 
 use crate::adaptive::Plan;
 use crate::camera::FilmCamera;
-use crate::class::{Class, FullClass, LearnedClass, LobesClass, MatteClass, SceneClass};
+use crate::class::{Class, FullClass, Learning, LobesClass, MatteClass, SceneClass};
 use crate::path::{PathResult, PathSettings, trace};
 use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind};
 use crate::scene::RenderScene;
@@ -92,10 +92,17 @@ impl WithSimd for TileJob<'_> {
             return self.run_without(simd, feature);
         }
         if self.kernel.path.learned.is_some() {
-            return simd.vectorize(
-                #[inline(always)]
-                || self.pixels::<S, LearnedClass>(simd),
-            );
+            // Matte scenes have none of their own: what it would save is little beside what it takes to compile.
+            return match self.kernel.scene.class() {
+                SceneClass::Matte | SceneClass::Lobes => simd.vectorize(
+                    #[inline(always)]
+                    || self.pixels::<S, Learning<LobesClass>>(simd),
+                ),
+                SceneClass::Full => simd.vectorize(
+                    #[inline(always)]
+                    || self.pixels::<S, Learning<FullClass>>(simd),
+                ),
+            };
         }
         match self.kernel.scene.class() {
             SceneClass::Matte => simd.vectorize(

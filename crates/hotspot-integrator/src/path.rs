@@ -34,7 +34,7 @@ pub(crate) struct PathSettings<'a> {
     pub(crate) roulette_from: u32,
     /// Whether shadow rays are traced or only counted.
     pub(crate) trace_shadow_rays: bool,
-    /// What was learned about lights, for kernels of [`LearnedClass`](crate::class::LearnedClass).
+    /// What was learned about lights, for kernels of [`Learning`](crate::class::Learning).
     pub(crate) learned: Option<&'a Learned>,
 }
 

@@ -11,7 +11,7 @@ pub use views::viewpoints;
 
 use crate::camera::FilmCamera;
 use crate::cast::closest_hit;
-use crate::class::{FullClass, LearnedClass};
+use crate::class::{FullClass, Learning};
 use crate::path::{PathSettings, trace};
 use crate::render::{Control, Progress, Settings, Stop};
 use crate::sampler::{Dimensions, PixelSampler, Sampler, hash};
@@ -231,7 +231,7 @@ impl WithSimd for BakeRow<'_> {
                         let [u, v, light @ ..] = sampler.get(Dimensions::segment(0));
                         let ray = kernel.first_ray(x, y, index, [u, v]);
                         // Draws any scene; without lessons as the other classes do.
-                        trace::<S, _, LearnedClass>(
+                        trace::<S, _, Learning<FullClass>>(
                             simd,
                             kernel.scene,
                             &kernel.path,

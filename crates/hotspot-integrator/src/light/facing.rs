@@ -7,12 +7,13 @@
 //! number of bins over the octahedron (Meyer et al., *On Floating-Point Normal Vectors*, 2010), each with a distribution made
 //! beforehand, so that a choice takes no longer than by power. Within a group triangles follow a Hilbert curve over the
 //! octahedron of their directions from the group's centre: neighbouring numbers choose neighbouring triangles, and stratified
-//! numbers stay stratified on the lamp.
+//! numbers stay stratified on the lamp; two equal neighbours are one patch ([`patches`](super::patches)).
 //!
 //! A share of each choice goes by power alone ([`DEFENSIVE`]): what the rounded direction or the bounds misjudge is still
 //! sampled, so the estimate stays unbiased and its weights bounded.
 
 use super::guided::Guided;
+use super::patches::{Patch, Place};
 use super::triangles::LightTriangle;
 use crate::geometry::Geometry;
 use glam::{Vec2, Vec3};
@@ -25,6 +26,8 @@ pub(super) const MOST_GROUPS: usize = 16;
 const MOST_ENTRIES: usize = 1 << 21;
 /// Bins along an edge of the octahedron's square.
 const EDGE: usize = 16;
+/// Normals whose product is larger are the same.
+const FLAT: f32 = 0.999;
 /// Added to the cosine: triangles just behind the horizon of a bin's middle are seen from elsewhere in the bin.
 const SLACK: f32 = 0.08;
 
@@ -32,8 +35,8 @@ const SLACK: f32 = 0.08;
 #[derive(Debug)]
 pub(super) struct Facing {
     groups: Vec<Group>,
-    /// From a triangle's number to group and place in it; by number less `first`.
-    place_of: Vec<(u32, u32)>,
+    /// From a triangle's number to group, patch in it, and index into the lights; by number less `first`.
+    place_of: Vec<[u32; 3]>,
     first: u32,
 }
 
@@ -50,43 +53,43 @@ struct Group {
     facing: Vec<f32>,
     /// One distribution for each bin.
     guided: Guided,
-    /// Indices into the lights, in the order of the distributions.
-    order: Vec<u32>,
+    /// The patches, in the order of the distributions.
+    order: Vec<Patch>,
 }
 
-/// A chosen triangle.
+/// A chosen place on the lights.
 pub(super) struct Chosen {
-    /// Index into the lights.
-    pub(super) light: u32,
+    pub(super) place: Place,
+    /// With which its triangle is chosen.
     pub(super) probability: f32,
-    /// What is left of the number, in [0, 1).
-    pub(super) rest: f32,
 }
 
 impl Facing {
-    /// `None` where there are too many groups, or none.
-    pub(super) fn new(lights: &[LightTriangle], geometry: &Geometry) -> Option<Self> {
+    /// `patches`: of all of the lights. `None` where there are too many groups, or none, or nothing to choose: one lamp that is
+    /// flat faces all that it lights with every patch.
+    pub(super) fn new(lights: &[LightTriangle], patches: &[Patch], geometry: &Geometry) -> Option<Self> {
         let first = lights.iter().map(|l| l.primitive).min()?;
         let last = lights.iter().map(|l| l.primitive).max()?;
-        let mut members: Vec<(u32, Vec<u32>)> = Vec::new();
-        for (index, light) in lights.iter().enumerate() {
-            let part = geometry.part_of[light.primitive as usize];
-            match members.iter().position(|(p, _)| *p == part) {
-                Some(group) => members[group].1.push(index as u32),
-                None if members.len() == MOST_GROUPS => return None,
-                None => members.push((part, vec![index as u32])),
-            }
+        let part = |patch: &Patch| {
+            patch.triangles().next().map(|i| geometry.part_of[lights[i as usize].primitive as usize])
+        };
+        let members: Vec<&[Patch]> = patches.chunk_by(|a, b| part(a) == part(b)).collect();
+        let flat = || lights.iter().all(|light| light.normal.dot(lights[0].normal) > FLAT);
+        if members.len() > MOST_GROUPS || (members.len() == 1 && flat()) {
+            return None;
         }
         let total: f64 = lights.iter().map(|l| l.probability).sum();
-        let mut place_of = vec![(0, 0); (last - first) as usize + 1];
+        let mut place_of = vec![[0; 3]; (last - first) as usize + 1];
         let groups: Vec<Group> = members
             .into_iter()
             .enumerate()
-            .map(|(g, (_, indices))| {
-                let group = Group::new(lights, geometry, indices, total);
-                for (place, index) in group.order.iter().enumerate() {
-                    let primitive = lights[*index as usize].primitive;
-                    place_of[(primitive - first) as usize] = (g as u32, place as u32);
+            .map(|(g, patches)| {
+                let group = Group::new(lights, geometry, patches.to_vec(), total);
+                for (place, patch) in group.order.iter().enumerate() {
+                    for index in patch.triangles() {
+                        let primitive = lights[index as usize].primitive;
+                        place_of[(primitive - first) as usize] = [g as u32, place as u32, index];
+                    }
                 }
                 group
             })
@@ -121,9 +124,9 @@ impl Facing {
         }
     }
 
-    /// A triangle, by a number in [0, 1).
+    /// A place, by two numbers in [0, 1).
     #[inline(always)]
-    pub(super) fn choose(&self, p: Vec3, n: Vec3, u: f32) -> Chosen {
+    pub(super) fn choose(&self, p: Vec3, n: Vec3, u: f32, v: f32) -> Chosen {
         let weights = self.weights(p, n);
         let mut rest = u;
         let mut index = 0;
@@ -136,38 +139,43 @@ impl Facing {
         let rest = (rest / probability).clamp(0.0, 1.0 - f32::EPSILON);
         let group = &self.groups[index];
         let bin = group.bin(p);
-        let (place, rest) = group.guided.sample(bin, rest);
+        let (index, rest) = group.guided.sample(bin, rest);
+        let patch = &group.order[index];
         Chosen {
-            light: group.order[place],
-            probability: probability * group.guided.probability(bin, place),
-            rest,
+            place: patch.place(rest, v),
+            probability: probability * group.guided.probability(bin, index) * patch.share(),
         }
     }
 
     /// The light with this primitive, which must be one, and the probability with which [`Facing::choose`] takes it.
     #[inline(always)]
     pub(super) fn probability_of(&self, p: Vec3, n: Vec3, primitive: u32) -> (u32, f32) {
-        let (index, place) = self.place_of[(primitive - self.first) as usize];
+        let [index, place, light] = self.place_of[(primitive - self.first) as usize];
         let group = &self.groups[index as usize];
         let weights = self.weights(p, n);
         let within = group.guided.probability(group.bin(p), place as usize);
-        (group.order[place as usize], self.probability(index as usize, &weights) * within)
+        (light, self.probability(index as usize, &weights) * within * group.order[place as usize].share())
     }
 }
 
 impl Group {
-    fn new(lights: &[LightTriangle], geometry: &Geometry, mut order: Vec<u32>, total: f64) -> Self {
+    fn new(lights: &[LightTriangle], geometry: &Geometry, mut order: Vec<Patch>, total: f64) -> Self {
         let corners =
             |i: u32| geometry.triangles[lights[i as usize].primitive as usize].map(Vec3::from_array);
         let middle = |i: u32| corners(i).iter().sum::<Vec3>() / 3.0;
-        let power: f64 = order.iter().map(|i| lights[*i as usize].probability).sum();
-        let centre = order
+        let triangles: Vec<u32> = order.iter().flat_map(Patch::triangles).collect();
+        let power: f64 = triangles.iter().map(|i| lights[*i as usize].probability).sum();
+        let centre = triangles
             .iter()
             .fold(glam::DVec3::ZERO, |sum, i| sum + middle(*i).as_dvec3() * lights[*i as usize].probability);
         let centre = (centre / power.max(f64::MIN_POSITIVE)).as_vec3();
-        let radius = order.iter().flat_map(|i| corners(*i)).map(|v| v.distance(centre)).fold(0.0, f32::max);
-        let key = |i: &u32| hilbert(octahedron((middle(*i) - centre).normalize_or(Vec3::Z)));
-        order.sort_by_cached_key(|i| (key(i), *i));
+        let radius =
+            triangles.iter().flat_map(|i| corners(*i)).map(|v| v.distance(centre)).fold(0.0, f32::max);
+        let key = |patch: &Patch| {
+            let middle = patch.triangles().map(middle).sum::<Vec3>() * patch.share();
+            (hilbert(octahedron((middle - centre).normalize_or(Vec3::Z))), patch.triangles().next())
+        };
+        order.sort_by_cached_key(key);
         let mut edge = EDGE;
         while edge > 1 && edge * edge * order.len() > MOST_ENTRIES {
             edge /= 2;
@@ -177,19 +185,22 @@ impl Group {
         for bin in 0..edge * edge {
             let at = Vec2::new((bin % edge) as f32 + 0.5, (bin / edge) as f32 + 0.5) / edge as f32;
             let towards = from_octahedron(at);
-            let seen = |i: &u32| {
-                let light = &lights[*i as usize];
+            let seen_of = |i: u32| {
+                let light = &lights[i as usize];
                 let cos = light.normal.dot(towards);
                 // Both sides of a surface that emits to both.
                 let cos = if light.two_sided { cos.abs() } else { cos };
                 light.probability * f64::from((cos + SLACK).max(0.0) / (1.0 + SLACK))
             };
+            let seen = |patch: &Patch| patch.triangles().map(seen_of).sum::<f64>();
             let sum: f64 = order.iter().map(seen).sum();
             facing.push((sum / power).max(1e-3) as f32);
             let defensive = if sum > 0.0 { f64::from(DEFENSIVE) * sum / power } else { 1.0 };
-            guided.push(order.iter().map(|i| {
-                (1.0 - f64::from(DEFENSIVE)) * seen(i) + defensive * lights[*i as usize].probability
-            }));
+            guided.push(
+                order.iter().map(|patch| {
+                    (1.0 - f64::from(DEFENSIVE)) * seen(patch) + defensive * patch.power(lights)
+                }),
+            );
         }
         Self {
             centre,

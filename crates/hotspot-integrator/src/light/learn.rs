@@ -1,8 +1,8 @@
 //! Light sampling that knows where it is asked from: [`Facing`] for emissive triangles, [`Windows`] for a constant
 //! environment.
 //!
-//! Off by default: the paper's integrator chooses lights by power. When on, a kernel of its own runs
-//! ([`LearnedClass`](crate::class::LearnedClass)), so that others do not pay. The estimate stays unbiased: samples are weighed
+//! Off by default: the paper's integrator chooses lights by power. When on, kernels of their own run
+//! ([`Learning`](crate::class::Learning)), so that others do not pay. The estimate stays unbiased: samples are weighed
 //! by the densities that they were taken with, and MIS asks for the density at the vertex that the ray left
 //! ([`Viewpoint`]). Cost maps: fewer shadow rays are wasted on lights that face away or lie behind walls, so
 //! `rays_shadow`, `waste` and what shadow rays visit change; everything else is as without.
@@ -14,7 +14,7 @@ use crate::camera::FilmCamera;
 use crate::cast::closest_hit;
 use crate::class::FullClass;
 use crate::geometry::Attributes;
-use crate::math::{Frame, square_to_cosine_hemisphere, square_to_triangle};
+use crate::math::{Frame, square_to_cosine_hemisphere};
 use crate::sampler::{Dimensions, PixelSampler, SamplerKind};
 use crate::scene::RenderScene;
 use crate::surface::resolve;
@@ -68,7 +68,7 @@ impl Learned {
     pub(crate) fn new(scene: &RenderScene, camera: &FilmCamera, seed: u64, lessons: Lessons) -> Option<Self> {
         let lights = &scene.lights;
         let facing = (lessons.facing && lights.punctual.is_empty())
-            .then(|| Facing::new(&lights.triangles, &scene.geometry))
+            .then(|| Facing::new(&lights.triangles, lights.patches.all(), &scene.geometry))
             .flatten();
         let constant = matches!(lights.environment, Surroundings::Constant(_));
         let windows = (lessons.windows && constant).then(|| learn_windows(scene, camera, seed));
@@ -108,10 +108,10 @@ impl Learned {
             select = ((select - share) / (1.0 - share)).clamp(0.0, 1.0 - f32::EPSILON);
         }
         let facing = self.facing.as_ref()?;
-        let chosen = facing.choose(from.p, from.n, select);
-        let light = &lights.triangles[chosen.light as usize];
+        let chosen = facing.choose(from.p, from.n, select, v);
+        let light = &lights.triangles[chosen.place.triangle as usize];
         let pdf_area = (1.0 - share) * chosen.probability * light.inverse_area;
-        Some(light.sample(from.p, square_to_triangle(Vec2::new(chosen.rest, v)), pdf_area))
+        Some(light.sample(from.p, chosen.place.weights, pdf_area))
     }
 
     /// Density per area of taking a point of an emissive triangle from `from`; `by_power`: that of the choice by power.

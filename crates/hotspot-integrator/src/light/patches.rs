@@ -43,7 +43,7 @@ pub(super) struct Strip {
 
 /// One triangle, or two.
 #[derive(Clone, Copy, Debug)]
-struct Patch {
+pub(super) struct Patch {
     /// Given its strip.
     probability: f32,
     halves: [Half; 2],
@@ -121,6 +121,11 @@ impl Patches {
     /// Of each strip: the probability of all lights before it, given that no environment is chosen.
     pub(super) fn cumulative(&self) -> impl Iterator<Item = f32> + '_ {
         self.strips.iter().map(|strip| strip.cumulative)
+    }
+
+    /// All patches, those of a part side by side.
+    pub(super) fn all(&self) -> &[Patch] {
+        &self.patches
     }
 
     pub(super) fn strips(&self) -> usize {
@@ -202,14 +207,25 @@ impl Patches {
 }
 
 impl Patch {
-    /// Probability of taking one of its triangles, given that no environment is chosen.
-    fn power(&self, lights: &[LightTriangle]) -> f64 {
-        let triangles = &self.halves[..if self.pair { 2 } else { 1 }];
-        triangles.iter().map(|half| lights[half.triangle as usize].probability).sum()
+    /// Indices of its triangles.
+    pub(super) fn triangles(&self) -> impl Iterator<Item = u32> + Clone + '_ {
+        self.halves[..if self.pair { 2 } else { 1 }].iter().map(|half| half.triangle)
     }
 
+    /// The share of each of its triangles in it.
     #[inline(always)]
-    fn place(&self, x: f32, y: f32) -> Place {
+    pub(super) fn share(&self) -> f32 {
+        if self.pair { 0.5 } else { 1.0 }
+    }
+
+    /// Probability of taking one of its triangles, given that no environment is chosen.
+    pub(super) fn power(&self, lights: &[LightTriangle]) -> f64 {
+        self.triangles().map(|triangle| lights[triangle as usize].probability).sum()
+    }
+
+    /// A place of it, by a point of the unit square.
+    #[inline(always)]
+    pub(super) fn place(&self, x: f32, y: f32) -> Place {
         if !self.pair {
             return Place {
                 triangle: self.halves[0].triangle,
