@@ -101,11 +101,17 @@ pub(crate) fn build<M: AsRef<[[[f32; 3]; 3]]>>(
     let bounds: Vec<Bounds> = placed.iter().map(|p| p.bounds).collect();
     let top = wide_tree(triangles, &bounds, options);
     let bounds = top.bounds;
-    let mut whole =
-        WideTree::with_capacity(tree.nodes.len() + top.nodes.len(), tree.blocks.len() + top.blocks.len());
-    // First: nothing moves, so that the roots above stay true.
-    whole.append(tree);
-    let root = whole.append(top);
+    // A scene without meshes is its top as it was made.
+    let mut whole = top;
+    let mut root = whole.root;
+    if !tree.blocks.is_empty() {
+        let top = whole;
+        whole =
+            WideTree::with_capacity(tree.nodes.len() + top.nodes.len(), tree.blocks.len() + top.blocks.len());
+        // First: nothing moves, so that the roots above stay true.
+        whole.append(tree);
+        root = whole.append(top);
+    }
     Ok(Bvh {
         nodes: whole.nodes,
         blocks: whole.blocks,
@@ -125,14 +131,17 @@ fn check(triangles: &[[[f32; 3]; 3]], mesh: Option<usize>) -> Result<(), BvhErro
 }
 
 fn wide_tree(triangles: &[[[f32; 3]; 3]], instances: &[Bounds], options: BuildOptions) -> WideTree {
-    let boxes = || triangles.iter().map(|t| Bounds::of_points(t)).chain(instances.iter().copied());
-    let largest = boxes().flat_map(|b| [b.min, b.max]).flatten().fold(0.0f32, |m, c| m.max(c.abs()));
+    let mut bounds = Vec::with_capacity(triangles.len() + instances.len());
+    bounds.extend(triangles.iter().map(|t| Bounds::of_points(t)));
+    bounds.extend_from_slice(instances);
+    let largest = bounds.iter().flat_map(|b| [b.min, b.max]).flatten().fold(0.0f32, |m, c| m.max(c.abs()));
     // A power of two, so that scaling does not round.
     let mut scale = 1.0f32;
     while largest * scale > SAFE_COORDINATE {
         scale *= 1.0 / 1024.0;
     }
-    let boxes: Vec<Aabb> = boxes()
+    let boxes: Vec<Aabb> = bounds
+        .iter()
         .map(|b| Aabb::new(Vec3A::from_array(b.min) * scale, Vec3A::from_array(b.max) * scale))
         .collect();
     let parameters = options.quality.parameters();
@@ -143,7 +152,7 @@ fn wide_tree(triangles: &[[[f32; 3]; 3]], instances: &[Bounds], options: BuildOp
             shuffle.undo(binary_tree(&shuffle.boxes(&boxes), parameters))
         }
     };
-    collapse(&binary, Primitives { triangles, instances })
+    collapse(&binary, Primitives { triangles, bounds: &bounds })
 }
 
 fn binary_tree(boxes: &[Aabb], parameters: BvhBuildParams) -> BinaryTree {

@@ -9,6 +9,7 @@
 use crate::huge;
 use crate::node::{Bounds, Child, Node};
 use crate::triangle::{Block, LANES};
+use core::hint::select_unpredictable;
 
 /// Relative cost of visiting a node.
 const NODE_COST: f64 = 1.0;
@@ -102,21 +103,15 @@ impl Plan {
     }
 }
 
-/// What the leaves of a binary tree hold: primitive i is triangle i, or beyond those an instance, given by its box.
+/// What the leaves of a binary tree hold: primitive i is triangle i, or beyond those an instance.
 #[derive(Clone, Copy)]
 pub(crate) struct Primitives<'a> {
     pub(crate) triangles: &'a [[[f32; 3]; 3]],
-    pub(crate) instances: &'a [Bounds],
+    /// Of triangles and then of instances.
+    pub(crate) bounds: &'a [Bounds],
 }
 
 impl Primitives<'_> {
-    fn bounds(&self, primitive: u32) -> Bounds {
-        match self.instance(primitive) {
-            Some(instance) => self.instances[instance as usize],
-            None => Bounds::of_points(&self.triangles[primitive as usize]),
-        }
-    }
-
     fn instance(&self, primitive: u32) -> Option<u32> {
         primitive.checked_sub(self.triangles.len() as u32)
     }
@@ -127,34 +122,16 @@ pub(crate) fn collapse(tree: &BinaryTree, primitives: Primitives<'_>) -> WideTre
     if tree.order.is_empty() {
         return WideTree { nodes: Vec::new(), blocks: Vec::new(), root: Child::EMPTY, bounds: Bounds::EMPTY };
     }
-    let after_children = children_first(tree);
-    let mut bounds = vec![Bounds::EMPTY; tree.nodes.len()];
-    // Triangles below; more than a block holds where there is an instance.
-    let mut sizes = vec![0u32; tree.nodes.len()];
-    for &n in &after_children {
-        let n = n as usize;
-        let node = tree.nodes[n];
-        if node.count > 0 {
-            for &primitive in leaf_primitives(tree, node) {
-                bounds[n] = bounds[n].union(&primitives.bounds(primitive));
-                let size = if primitives.instance(primitive).is_some() { LANES as u32 + 1 } else { 1 };
-                sizes[n] += size;
-            }
-        } else {
-            let (l, r) = (node.first as usize, node.first as usize + 1);
-            bounds[n] = bounds[l].union(&bounds[r]);
-            sizes[n] = sizes[l].saturating_add(sizes[r]);
-        }
-    }
-    let plans = plan(tree, &after_children, &bounds, &sizes);
-    Emitter { tree, primitives, bounds: &bounds, plans: &plans, nodes: Vec::new(), blocks: Vec::new() }.run()
+    let planned = plan(tree, primitives);
+    Emitter { tree, primitives, planned: &planned }.run()
 }
 
 fn leaf_primitives(tree: &BinaryTree, node: BinaryNode) -> &[u32] {
     &tree.order[node.first as usize..(node.first + node.count) as usize]
 }
 
-/// Node indices, every child before its parent, without recursion: hostile geometry makes deep trees.
+/// Node indices, every child before its parent and left subtrees before right ones, without recursion: hostile geometry makes
+/// deep trees.
 fn children_first(tree: &BinaryTree) -> Vec<u32> {
     let mut order = Vec::with_capacity(tree.nodes.len());
     let mut stack = vec![0u32];
@@ -169,162 +146,275 @@ fn children_first(tree: &BinaryTree) -> Vec<u32> {
     order
 }
 
-fn plan(tree: &BinaryTree, after_children: &[u32], bounds: &[Bounds], sizes: &[u32]) -> Vec<Plan> {
-    let mut plans = vec![Plan::default(); tree.nodes.len()];
-    // Costs of a forest of at most i + 1 wide subtrees, i in 0..7, of nodes whose parent's turn is still to come. Parents
-    // follow upon the subtrees of their children, so the last two are those of the node's children.
-    let mut waiting: Vec<[f64; WIDTH - 1]> = Vec::new();
-    for &n in after_children {
-        let n = n as usize;
-        let node = tree.nodes[n];
-        let area = bounds[n].half_area();
-        let as_block = if sizes[n] as usize <= LANES { area * BLOCK_COST } else { f64::INFINITY };
+/// A binary node with what was decided about it. They stand in the order of [`children_first`], so that both passes go through
+/// memory from one end to the other: the right child is the one before its parent, the left one before all of the right
+/// subtree, and a subtree's leaves lie side by side.
+#[derive(Clone, Copy)]
+struct Planned {
+    bounds: Bounds,
+    plan: Plan,
+    /// Nodes of the subtree, this one included; 1: a leaf.
+    length: u32,
+    /// Its index in the binary tree.
+    node: u32,
+}
+
+/// What a parent needs to know of a child.
+struct Waiting {
+    /// Costs of a forest of at most i + 1 wide subtrees.
+    cost: [f64; WIDTH - 1],
+    bounds: Bounds,
+    /// Triangles below; more than a block holds where there is an instance.
+    size: u32,
+    length: u32,
+    /// Wide subtrees that it can be, at most [`WIDTH`]: with more allowed, costs stay what they are.
+    most: usize,
+}
+
+fn plan(tree: &BinaryTree, primitives: Primitives<'_>) -> Vec<Planned> {
+    let order = children_first(tree);
+    let mut planned = Vec::with_capacity(order.len());
+    // Nodes whose parent's turn is still to come. Parents follow upon the subtrees of their children, so the last two are the
+    // node's children.
+    let mut waiting: Vec<Waiting> = Vec::new();
+    for n in order {
+        let node = tree.nodes[n as usize];
         let mut plan = Plan { leaf: true, ..Plan::default() };
-        let mut cost = [f64::INFINITY; WIDTH - 1];
-        if node.count > 0 {
-            cost = [as_block.min(area * INSTANCE_COST); WIDTH - 1];
-        } else if let (Some(r), Some(l)) = (waiting.pop(), waiting.pop()) {
-            let mut forest = [f64::INFINITY; WIDTH + 1];
-            for (count, cheapest) in forest.iter_mut().enumerate().skip(2) {
-                for left in 1..count {
-                    if left < WIDTH && count - left < WIDTH {
-                        let cost = l[left - 1] + r[count - left - 1];
-                        if cost < *cheapest {
-                            *cheapest = cost;
-                            plan.set_left(count, left);
-                        }
-                    }
-                }
-            }
-            // The cheapest forest of at most 8 for the children of a node.
-            for count in 3..=WIDTH {
-                if forest[count - 1] <= forest[count] {
-                    forest[count] = forest[count - 1];
-                    plan.set_left(count, 0);
-                }
-            }
+        let children =
+            if node.count > 0 { None } else { waiting.pop().and_then(|r| Some((waiting.pop()?, r))) };
+        let this = if let Some((l, r)) = children {
+            let (bounds, size) = (l.bounds.union(&r.bounds), l.size.saturating_add(r.size));
+            let area = bounds.half_area();
+            let forest = cheapest_forests(&l, &r, &mut plan);
+            let as_block = if size as usize <= LANES { area * BLOCK_COST } else { f64::INFINITY };
             let as_node = area * NODE_COST + forest[WIDTH];
             plan.leaf = as_block <= as_node;
-            cost[0] = as_block.min(as_node);
-            let single = cost[0];
+            let single = as_block.min(as_node);
+            let mut cost = [single; WIDTH - 1];
             for (cost, &forest) in cost[1..].iter_mut().zip(&forest[2..]) {
                 *cost = single.min(forest);
             }
-        }
+            Waiting {
+                cost,
+                bounds,
+                size,
+                length: l.length + r.length + 1,
+                most: (l.most + r.most).min(WIDTH),
+            }
+        } else {
+            let (mut bounds, mut size) = (Bounds::EMPTY, 0);
+            for &primitive in leaf_primitives(tree, node) {
+                bounds = bounds.union(&primitives.bounds[primitive as usize]);
+                size += if primitives.instance(primitive).is_some() { LANES as u32 + 1 } else { 1 };
+            }
+            let area = bounds.half_area();
+            let as_block = if size as usize <= LANES { area * BLOCK_COST } else { f64::INFINITY };
+            let cost = [as_block.min(area * INSTANCE_COST); WIDTH - 1];
+            Waiting { cost, bounds, size, length: 1, most: 1 }
+        };
         for count in 1..WIDTH {
-            plan.single |= u8::from(cost[0] <= cost[count - 1]) << count;
+            plan.single |= u8::from(this.cost[0] <= this.cost[count - 1]) << count;
         }
-        plans[n] = plan;
-        waiting.push(cost);
+        planned.push(Planned { bounds: this.bounds, plan, length: this.length, node: n });
+        waiting.push(this);
     }
-    plans
+    planned
+}
+
+/// Costs of the cheapest forests of at most i subtrees, i in 2..=8, that are shared out between two children; how goes into
+/// `plan`.
+fn cheapest_forests(l: &Waiting, r: &Waiting, plan: &mut Plan) -> [f64; WIDTH + 1] {
+    let mut forest = [f64::INFINITY; WIDTH + 1];
+    let mut lefts = [0; WIDTH + 1];
+    for count in 2..=(l.most + r.most).min(WIDTH) {
+        let (mut cheapest, mut best) = (f64::INFINITY, 0);
+        for left in count.saturating_sub(r.most).max(1)..=l.most.min(count - 1) {
+            let cost = l.cost[left - 1] + r.cost[count - left - 1];
+            // Without a branch, which would follow no pattern.
+            let better = cost < cheapest;
+            best = select_unpredictable(better, left, best);
+            cheapest = select_unpredictable(better, cost, cheapest);
+        }
+        (forest[count], lefts[count]) = (cheapest, best);
+    }
+    // The cheapest forest of at most so many.
+    for count in 3..=WIDTH {
+        if forest[count - 1] <= forest[count] {
+            forest[count] = forest[count - 1];
+            lefts[count] = 0;
+        }
+    }
+    for (count, left) in lefts.into_iter().enumerate().skip(2) {
+        plan.set_left(count, left);
+    }
+    forest
+}
+
+/// A wide node to be.
+struct Shape {
+    children: [Child; WIDTH],
+    /// Places in the plan of the occupied slots.
+    places: [u32; WIDTH],
+    occupied: usize,
+}
+
+/// Up to eight places in the plan.
+#[derive(Default)]
+struct Places {
+    places: [u32; WIDTH],
+    count: usize,
+}
+
+impl Places {
+    fn push(&mut self, place: u32) {
+        self.places[self.count] = place;
+        self.count += 1;
+    }
+
+    fn iter(&self) -> impl Iterator<Item = u32> {
+        self.places[..self.count].iter().copied()
+    }
 }
 
 struct Emitter<'a> {
     tree: &'a BinaryTree,
     primitives: Primitives<'a>,
-    bounds: &'a [Bounds],
-    plans: &'a [Plan],
-    nodes: Vec<Node>,
-    blocks: Vec<Block>,
+    planned: &'a [Planned],
 }
 
 impl Emitter<'_> {
-    fn run(mut self) -> WideTree {
-        let bounds = self.bounds[0];
-        let root = if self.plans[0].leaf {
-            self.leaf(0)
+    /// First what there will be, then all of it into memory of the right size: nodes depth first, so that a subtree lies together.
+    fn run(self) -> WideTree {
+        let root = self.planned.len() - 1;
+        let bounds = self.planned[root].bounds;
+        let (mut shapes, mut leaves) = (Vec::<Shape>::new(), Vec::new());
+        let root = if self.planned[root].plan.leaf {
+            self.leaf(root as u32, &mut leaves)
         } else {
-            // Depth first, so that a subtree lies together: (binary node, its wide node's parent and slot).
-            let mut pending = vec![(0usize, None)];
-            while let Some((binary, parent)) = pending.pop() {
-                let index = self.nodes.len() as u32;
-                self.nodes.push(Node::EMPTY);
+            // Place in the plan; parent and slot.
+            let mut pending = vec![(root as u32, None)];
+            while let Some((place, parent)) = pending.pop() {
+                let index = shapes.len() as u32;
                 if let Some((parent, slot)) = parent {
-                    let parent: &mut Node = &mut self.nodes[parent as usize];
+                    let parent: &mut Shape = &mut shapes[parent as usize];
                     parent.children[slot as usize] = Child::node(index);
                 }
-                let roots = self.forest(binary);
-                // Blocks first: any-hit queries try them before they descend. Then by area, largest first.
-                let is_block = |&n: &usize| self.plans[n].leaf && self.instance(n).is_none();
-                let mut sorted: Vec<usize> = roots.iter().copied().filter(is_block).collect();
-                let leaves = sorted.len();
-                sorted.extend(roots.iter().copied().filter(|n| !is_block(n)));
-                let by_area = |a: &usize, b: &usize| {
-                    self.bounds[*b].half_area().total_cmp(&self.bounds[*a].half_area())
-                };
-                sorted[..leaves].sort_by(by_area);
-                sorted[leaves..].sort_by(by_area);
-                for (slot, &child) in sorted.iter().enumerate() {
-                    let b = self.bounds[child];
-                    for axis in 0..3 {
-                        self.nodes[index as usize].bounds[axis][0].0[slot] = b.min[axis];
-                        self.nodes[index as usize].bounds[axis][1].0[slot] = b.max[axis];
-                    }
-                    if self.plans[child].leaf {
-                        let leaf = self.leaf(child);
-                        self.nodes[index as usize].children[slot] = leaf;
+                let (sorted, blocks) = self.sorted(&self.forest(place as usize));
+                let mut shape =
+                    Shape { children: [Child::EMPTY; WIDTH], places: sorted.places, occupied: sorted.count };
+                for (child, place) in shape.children.iter_mut().zip(sorted.iter()) {
+                    if self.planned[place as usize].plan.leaf {
+                        *child = self.leaf(place, &mut leaves);
                     }
                 }
-                for (slot, &child) in sorted.iter().enumerate().skip(leaves).rev() {
-                    if !self.plans[child].leaf {
-                        pending.push((child, Some((index, slot as u32))));
+                for slot in (blocks..sorted.count).rev() {
+                    let place = sorted.places[slot];
+                    if !self.planned[place as usize].plan.leaf {
+                        pending.push((place, Some((index, slot as u32))));
                     }
                 }
+                shapes.push(shape);
             }
             Child::node(0)
         };
-        WideTree { nodes: self.nodes, blocks: self.blocks, root, bounds }
+        let mut tree = WideTree { root, bounds, ..WideTree::with_capacity(shapes.len(), leaves.len()) };
+        tree.nodes.extend(shapes.iter().map(|shape| self.node(shape)));
+        tree.blocks.extend(leaves.iter().map(|&place| self.block(place as usize)));
+        tree
     }
 
-    /// The binary nodes that become the children of the wide node made of `binary`, from left to right.
-    fn forest(&self, binary: usize) -> Vec<usize> {
-        let mut roots = Vec::with_capacity(WIDTH);
-        // (binary node, wide subtrees that it may become, whether it must be split)
-        let mut stack = vec![(binary, WIDTH, true)];
-        while let Some((n, mut count, must_split)) = stack.pop() {
-            let plan = self.plans[n];
-            if self.tree.nodes[n].count > 0 || (!must_split && plan.single(count)) {
-                roots.push(n);
+    /// Blocks first, and how many they are: any-hit queries try them before they descend. Then by area, largest first.
+    fn sorted(&self, roots: &Places) -> (Places, usize) {
+        let mut sorted = Places::default();
+        let mut blocks = 0;
+        let mut areas = [0.0; WIDTH];
+        for wants_blocks in [true, false] {
+            let start = sorted.count;
+            for place in roots.iter() {
+                let is_block =
+                    self.planned[place as usize].plan.leaf && self.instance(place as usize).is_none();
+                if is_block != wants_blocks {
+                    continue;
+                }
+                // Insertion, equals in the order of their coming.
+                let area = self.planned[place as usize].bounds.half_area();
+                let mut slot = sorted.count;
+                sorted.push(place);
+                while slot > start && areas[slot - 1] < area {
+                    (areas[slot], sorted.places[slot]) = (areas[slot - 1], sorted.places[slot - 1]);
+                    slot -= 1;
+                }
+                (areas[slot], sorted.places[slot]) = (area, place);
+            }
+            if wants_blocks {
+                blocks = sorted.count;
+            }
+        }
+        (sorted, blocks)
+    }
+
+    /// The binary nodes that become the children of the wide node made of `place`, from left to right.
+    fn forest(&self, place: usize) -> Places {
+        let mut roots = Places::default();
+        // (place, wide subtrees that it may become, whether it must be split); what waits shares out eight subtrees.
+        let mut stack = [(0, 0, false); WIDTH];
+        stack[0] = (place, WIDTH, true);
+        let mut waiting = 1;
+        while waiting > 0 {
+            waiting -= 1;
+            let (place, mut count, must_split) = stack[waiting];
+            let Planned { plan, length, .. } = self.planned[place];
+            if length == 1 || (!must_split && plan.single(count)) {
+                roots.push(place as u32);
                 continue;
             }
             while plan.left(count) == 0 {
                 count -= 1;
             }
             let left = plan.left(count);
-            let first = self.tree.nodes[n].first as usize;
-            stack.push((first + 1, count - left, false));
-            stack.push((first, left, false));
+            let right = place - 1;
+            stack[waiting] = (right, count - left, false);
+            stack[waiting + 1] = (right - self.planned[right].length as usize, left, false);
+            waiting += 2;
         }
         roots
     }
 
-    /// The instance that a binary node is, if it is one.
-    fn instance(&self, binary: usize) -> Option<u32> {
-        let node = self.tree.nodes[binary];
+    /// The instance that a place is, if it is one.
+    fn instance(&self, place: usize) -> Option<u32> {
+        let node = self.tree.nodes[self.planned[place].node as usize];
         if node.count == 0 {
             return None;
         }
         self.primitives.instance(*leaf_primitives(self.tree, node).first()?)
     }
 
-    fn leaf(&mut self, binary: usize) -> Child {
-        if let Some(instance) = self.instance(binary) {
+    /// An instance, or the next block.
+    fn leaf(&self, place: u32, blocks: &mut Vec<u32>) -> Child {
+        if let Some(instance) = self.instance(place as usize) {
             return Child::instance(instance);
         }
-        let mut primitives = Vec::with_capacity(LANES);
-        let mut stack = vec![binary];
-        while let Some(n) = stack.pop() {
-            let node = self.tree.nodes[n];
-            if node.count > 0 {
-                primitives.extend_from_slice(leaf_primitives(self.tree, node));
-            } else {
-                stack.extend([node.first as usize + 1, node.first as usize]);
+        blocks.push(place);
+        Child::leaf(blocks.len() as u32 - 1)
+    }
+
+    fn node(&self, shape: &Shape) -> Node {
+        let mut node = Node { children: shape.children, ..Node::EMPTY };
+        for (slot, &place) in shape.places[..shape.occupied].iter().enumerate() {
+            let b = self.planned[place as usize].bounds;
+            for axis in 0..3 {
+                node.bounds[axis][0].0[slot] = b.min[axis];
+                node.bounds[axis][1].0[slot] = b.max[axis];
             }
         }
-        let index = self.blocks.len() as u32;
-        self.blocks
-            .push(Block::new(primitives.into_iter().map(|p| (p, self.primitives.triangles[p as usize]))));
-        Child::leaf(index)
+        node
+    }
+
+    fn block(&self, place: usize) -> Block {
+        let first = place + 1 - self.planned[place].length as usize;
+        let leaves = self.planned[first..=place].iter().filter(|planned| planned.length == 1);
+        let primitives =
+            leaves.flat_map(|leaf| leaf_primitives(self.tree, self.tree.nodes[leaf.node as usize]));
+        Block::new(primitives.map(|&p| (p, self.primitives.triangles[p as usize])))
     }
 }
