@@ -85,9 +85,8 @@ fn own_scenes() {
     assert!(problems.is_empty(), "{problems:#?}");
 }
 
-#[test]
-#[ignore = "minutes of rendering"]
-fn shared_scenes() {
+/// The shared scenes at their references' sizes.
+fn shared_scenes(spps: &[u32]) {
     let mut problems = Vec::new();
     for (name, stem) in [
         ("cornell-box-red", "cornell-box-red_256x256_4096"),
@@ -97,7 +96,19 @@ fn shared_scenes() {
         ("living-room-substrate", "living-room-substrate_320x180_3456"),
     ] {
         let (Some(scene), Some(reference)) = (shared_scene(name), reference(stem)) else { continue };
-        check(name, &Loaded::new(&scene), [&reference.a, &reference.b], 64, &[4, 8, 16, 64], &mut problems);
+        check(name, &Loaded::new(&scene), [&reference.a, &reference.b], 64, spps, &mut problems);
     }
     assert!(problems.is_empty(), "{problems:#?}");
+}
+
+#[test]
+#[ignore = "a quarter of an hour of rendering"]
+fn shared_scenes_at_4_to_16_samples() {
+    shared_scenes(&[4, 8, 16]);
+}
+
+#[test]
+#[ignore = "half an hour of rendering"]
+fn shared_scenes_at_64_samples() {
+    shared_scenes(&[64]);
 }
