@@ -30,7 +30,9 @@
 //! Squares come from summed-area tables, lines are few: the time is linear in the pixels. How well this holds is in
 //! `tests/sampling-quality.md`, measured by `tests/tests/expected_error.rs`.
 //!
-//! Limits: light that no sample of the frame has found is not in any estimate.
+//! Limits: light that no sample of the frame has found is not in any estimate. Features a pixel wide may hold most of the error of
+//! a small picture, and have nothing like them beside them: of a Cornell box 64 pixels wide the estimate is 0.6 of the error
+//! at 8 samples and 0.98 at 16, of a bright gap one row high 1.19.
 
 use crate::frame::Frame;
 use crate::layers::{mean, variance_of_mean};
