@@ -55,14 +55,18 @@ const MASKS: [Mask; 7] = [
     Mask::Checkerboard(16.0),
 ];
 
-fn agree(work: usize, seed: u64) {
+/// Returns the number of rays.
+fn agree(work: usize, seed: u64) -> usize {
+    let mut rays = 0;
     for quality in [Quality::Fast, Quality::High] {
         for placement in placements(quality) {
             if placement.name == "nothing" {
                 continue;
             }
             let mut rng = Rng::new(seed);
-            for _ in 0..share(&placement, work) {
+            let count = share(&placement, work);
+            rays += count;
+            for _ in 0..count {
                 let ray = placement.hostile_ray(&mut rng);
                 for mask in MASKS {
                     let hit = placement.check_filtered(&ray, mask);
@@ -77,18 +81,21 @@ fn agree(work: usize, seed: u64) {
             }
         }
     }
+    rays
 }
 
-/// Some 2 000 rays, each with 7 masks and two pairs of ends.
+/// Some 3 500 rays, each with 7 masks and two pairs of ends.
 #[test]
 fn tree_loop_and_twin_agree() {
     agree(60_000, 90);
 }
 
+/// 10^6 rays per quality, each with 7 masks and two pairs of ends: as [`crate::instances`] counts.
 #[test]
-#[ignore = "minutes in release: 1e6 rays with 7 masks each"]
+#[ignore = "minutes in release: 2e6 rays with 7 masks each"]
 fn tree_loop_and_twin_agree_in_full() {
-    agree(50_000_000, 91);
+    let rays = agree(40_000_000, 91);
+    assert!(rays >= 2_000_000, "{rays}");
 }
 
 /// A hit, whether there is any, and what probes heard of both queries.

@@ -36,6 +36,8 @@ pub struct LogPlot {
 const SIZE: [f64; 2] = [800.0, 560.0];
 /// Left, top, right, bottom.
 const MARGIN: [f64; 4] = [86.0, 62.0, 24.0, 58.0];
+/// Height of a row of the legend.
+const ROW: f64 = 22.0;
 /// Okabe and Ito's colours, which colour-blind readers tell apart.
 const COLORS: [[u8; 3]; 8] = [
     [0, 114, 178],
@@ -227,7 +229,10 @@ impl LogPlot {
         let all: Vec<_> = self.curves.iter().flat_map(drawn).collect();
         let x = Axis::new(all.iter().map(|p| p.0), left, right);
         let values = all.iter().flat_map(|p| [p.1, p.2[0], p.2[1]]).chain(self.level.iter().map(|l| l.0));
-        let y = Axis::new(values, bottom, top);
+        // The legend has rows of its own above the curves, up to half of the height.
+        let named = self.curves.iter().filter(|curve| !curve.name.is_empty()).count();
+        let legend = (ROW * named as f64).min(0.5 * (bottom - top));
+        let y = Axis::new(values, bottom, top + legend);
         for (value, named) in x.ticks() {
             let at = x.place(value);
             canvas.line([at, top], [at, bottom], if named { 1.0 } else { 0.5 }, FAINT);
@@ -265,6 +270,7 @@ impl LogPlot {
             canvas.line([left, at], [right, at], 1.5, [190, 60, 60]);
             canvas.text([right - 4.0, at - 11.0], 1.0, [190, 60, 60], name);
         }
+        let mut row = top + 0.5 * ROW;
         for (index, curve) in self.curves.iter().enumerate() {
             let color = COLORS[index % COLORS.len()];
             let points = drawn(curve);
@@ -282,9 +288,9 @@ impl LogPlot {
             if curve.name.is_empty() {
                 continue;
             }
-            let row = top + 16.0 + 22.0 * index as f64;
             canvas.line([right - 30.0, row], [right - 6.0, row], 3.0, color);
             canvas.text([right - 38.0, row], 1.0, INK, &curve.name);
+            row += ROW;
         }
     }
 }
@@ -323,6 +329,31 @@ mod tests {
             labels.dedup();
             assert_eq!(labels.len(), count, "{lo} to {hi}: {labels:?}");
         }
+    }
+
+    /// No curve or bar is drawn where the legend is: the names of four configurations were crossed by their curves.
+    #[test]
+    fn curves_keep_out_of_the_legend() {
+        let flat = vec![(1.0, 0.1, [0.05, 0.2]), (10.0, 0.1, [0.05, 0.2])];
+        let mut plot = plot(flat.clone());
+        plot.guide = None;
+        plot.curves = (0..4).map(|i| Curve { name: format!("curve {i}"), points: flat.clone() }).collect();
+        let svg = plot.svg();
+        let of = |line: &str, name: &str| {
+            line.split(&format!(" {name}=\"")).nth(1).and_then(|rest| rest.split('"').next()?.parse().ok())
+        };
+        let lowest_name = svg
+            .lines()
+            .filter(|line| line.contains("curve "))
+            .filter_map(|line| of(line, "y"))
+            .fold(0.0, f64::max);
+        let highest_dot = svg.lines().filter_map(|line| of(line, "cy")).fold(f64::INFINITY, f64::min);
+        let highest_bar = svg
+            .lines()
+            .filter(|line| line.contains("stroke-width=\"1.5\"") && !line.contains("rgb(40,40,44)"))
+            .filter_map(|line| of(line, "y2"))
+            .fold(f64::INFINITY, f64::min);
+        assert!(lowest_name > 100.0 && lowest_name + 8.0 < highest_bar.min(highest_dot), "{svg}");
     }
 
     #[test]

@@ -384,7 +384,15 @@ fn plot(report: &ErrorReport) -> LogPlot {
 
 fn summary(talker: &Talker, report: &ErrorReport) {
     for config in &report.configs {
-        talker.say(&format!("{}:", config.config));
+        // With few seeds no interval of order statistics covers 95 %: the widest is given, and what it covers is said.
+        let intervals = match config.points.first() {
+            Some(point) if point.error.coverage > 0.0 => {
+                let percent = 100.0 * point.error.coverage;
+                format!(" medians of the seeds, with their {percent:.0} % intervals")
+            }
+            _ => " one seed".to_owned(),
+        };
+        talker.say(&format!("{}:{intervals}", config.config));
         for point in &config.points {
             talker.say(&format!(
                 "  {:>6} spp  {:>9.3} s  relMSE {:.3e} ({:.3e} to {:.3e})",
@@ -449,7 +457,7 @@ fn parse_vary(text: &str) -> Result<Vary, String> {
             "sampler" => match value {
                 "sobol" => Ok(Change::Sampler(SamplerKind::Sobol)),
                 "independent" => Ok(Change::Sampler(SamplerKind::Independent)),
-                _ => Err(format!("there is no sampler {value}; there are sobol and independent")),
+                _ => Err(format!("there is no sampler \"{value}\"; there are sobol and independent")),
             },
             "roulette" if value == "off" => Ok(Change::Roulette(None)),
             "roulette" => value
