@@ -317,3 +317,24 @@ fn csv_has_every_row_and_tames_names() {
         assert!(plain.lines().all(|line| line.split(',').count() == columns));
     }
 }
+
+/// The sums of five workers, each as full as a pair of sums gets.
+#[test]
+fn merging_loses_nothing_of_full_sums() {
+    let desc = PayerDesc { triangles: vec![1], nodes: vec![Payer::Object(0)], ..PayerDesc::default() };
+    let payers = Payers::new(&desc);
+    let mut frame = Frame::new(FrameDesc::new(1, 1));
+    let mut sum = Ledger::new(&payers);
+    for _ in 0..5 {
+        let mut ledger = Ledger::new(&payers);
+        let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
+        let mut path = ledger.path(&payers, pixel.path());
+        let mut ray = path.ray(Spawner::CAMERA);
+        ray.node(0, (1 << 31) - 1);
+        ray.finish(false);
+        path.end(PathEnd { cause: Cause::Escaped, throughput: 1.0, brought_radiance: true, first_object: 0 });
+        sum.merge(&ledger);
+    }
+    let row = sum.rows(&payers, &["a".to_owned()], &[]).payer[0].traversal;
+    assert_eq!((row.nodes, row.boxes), (5, 5 * ((1 << 31) - 1)));
+}
