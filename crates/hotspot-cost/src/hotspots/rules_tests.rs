@@ -27,8 +27,12 @@ fn paid(flow: Flow, by: &[(Option<u32>, f64, f64)]) -> Flow {
     Flow { paid: by.iter().map(paid).collect(), ..flow }
 }
 
-/// Four boxes: 0 to 2 in one place, 3 beside them.
 fn kinds(here: &Flow, ordinary: &Flow) -> Vec<CauseKind> {
+    drafts(here, ordinary).into_iter().map(|draft| draft.kind).collect()
+}
+
+/// Four boxes: 0 to 2 in one place, 3 beside them.
+fn drafts(here: &Flow, ordinary: &Flow) -> Vec<Draft> {
     let near = Some([[0.0; 3], [1.0; 3]]);
     let far = Some([[5.0, 0.0, 0.0], [6.0, 1.0, 1.0]]);
     let context = Context {
@@ -40,7 +44,7 @@ fn kinds(here: &Flow, ordinary: &Flow) -> Vec<CauseKind> {
         visible: &[],
         lights: 1,
     };
-    judge(here, ordinary, &context).into_iter().map(|draft| draft.kind).collect()
+    judge(here, ordinary, &context)
 }
 
 #[track_caller]
@@ -129,6 +133,10 @@ fn a_trap_holds_what_paths_are_longer_by() {
     // Within one object.
     let within = Flow { moves: [((1, 1), 6.0)].into(), ..vertices(12.0) };
     assert_named(kind, &within, &ordinary());
+    // Two that hold paths each for itself, with few between them, are not one trap.
+    let apart = [((1, 1), 5.0), ((2, 2), 4.0), ((1, 2), 0.5), ((2, 1), 0.5)];
+    let found = drafts(&Flow { moves: apart.into(), ..vertices(12.0) }, &ordinary());
+    assert_eq!((found[0].kind, &found[0].objects[..]), (kind, &[1][..]));
     // Less than a move more.
     assert_not(kind, &moves(vertices(5.2), 0.45, 0.45), &ordinary());
     // Of 8 vertices more 3 are moves between them; then paths are but long.
@@ -147,6 +155,8 @@ fn paths_are_long_by_a_quarter_and_a_fair_share() {
     assert_named(kind, &vertices(5.2), &ordinary());
     assert_not(kind, &vertices(4.8), &ordinary());
     assert_not(kind, &Flow { cost: 400.0, ..vertices(5.2) }, &ordinary());
+    // That they bring nothing says more.
+    assert_eq!(kinds(&Flow { futile: 60.0, ..vertices(12.0) }, &ordinary()), [CauseKind::FutilePaths]);
 }
 
 #[test]
