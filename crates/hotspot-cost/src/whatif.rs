@@ -270,8 +270,8 @@ pub fn image_in_words(image: &PictureChange) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join(", "))
 }
 
-/// A relative change with half the width of its interval, "−23.1 % ± 0.8 %", or with both ends where these are not equally far as
-/// written: "−14 % (−26 to 0 %)" contains 0, which "± 13 %" would not.
+/// A relative change with half the width of its interval, "−23.1 % ± 0.8 %", or with both ends where that would say otherwise about
+/// 0 than the interval does: "−14 % (−26 to 0 %)" contains it, "−14 % ± 13 %" does not.
 pub fn with_interval(relative: f64, ci95: Option<[f64; 2]>) -> String {
     let width = ci95.map(|[low, high]| 0.5 * (high - low));
     let digits = match width {
@@ -286,10 +286,13 @@ pub fn with_interval(relative: f64, ci95: Option<[f64; 2]>) -> String {
         if zero { number.trim_start_matches(['+', '\u{2212}']).to_owned() } else { number }
     };
     let Some([low, high]) = ci95 else { return format!("{} %", number(relative)) };
-    let sides = [relative - low, high - relative].map(|side| format!("{:.digits$}", 100.0 * side));
-    match &sides[..] {
-        [down, up] if down == up => format!("{} % ± {up} %", number(relative)),
-        _ => format!("{} % ({} to {} %)", number(relative), number(low), number(high)),
+    let half = 0.5 * (high - low);
+    let scale = 100.0 * 10.0_f64.powi(digits as i32);
+    let written = (scale * relative).abs().round() <= (scale * half).round();
+    if written == (low <= 0.0 && high >= 0.0) {
+        format!("{} % ± {:.digits$} %", number(relative), 100.0 * half)
+    } else {
+        format!("{} % ({} to {} %)", number(relative), number(low), number(high))
     }
 }
 
@@ -382,6 +385,7 @@ mod tests {
         assert_eq!(with_interval(-0.002, Some([-0.06, 0.06])), "0 % ± 6 %");
         // ln-symmetric: 13 % to either side would leave out 0, and the interval does not.
         assert_eq!(with_interval(-0.138, Some([-0.26, 0.004])), "\u{2212}14 % (\u{2212}26 to 0 %)");
+        assert_eq!(with_interval(-0.07, Some([-0.14, 0.011])), "\u{2212}7 % ± 8 %");
         assert_eq!(with_interval(0.20, Some([0.01, 0.43])), "+20 % (+1 to +43 %)");
         assert_eq!(with_interval(-0.0002, Some([-0.012, 0.0116])), "0.0 % ± 1.2 %");
         let verdict = full().verdict();
