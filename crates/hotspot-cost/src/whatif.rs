@@ -228,8 +228,11 @@ fn told(change: &TotalChange) -> String {
     let (Some(relative), true) = (change.relative, change.delta != 0.0) else { return briefly(change) };
     let mut words = with_interval(relative, change.ci95);
     let parts = [("sampling", change.sampling_error), ("trees", change.tree_error)];
-    let parts: Vec<String> =
-        parts.into_iter().filter_map(|(name, error)| Some(format!("{name} {}", share(error?)))).collect();
+    let parts: Vec<String> = parts
+        .into_iter()
+        .filter_map(|(name, error)| Some((name, error.filter(|error| *error > 0.0)?)))
+        .map(|(name, error)| format!("{name} {}", share(error)))
+        .collect();
     if !parts.is_empty() {
         words += &format!(" (standard errors: {})", parts.join(", "));
     }
@@ -267,7 +270,8 @@ pub fn image_in_words(image: &PictureChange) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join(", "))
 }
 
-/// A relative change with half the width of its interval: "−23.1 % ± 0.8 %".
+/// A relative change with half the width of its interval, "−23.1 % ± 0.8 %", or with both ends where that would say otherwise about
+/// 0 than the interval does: "−14 % (−26 to 0 %)" contains it, "−14 % ± 13 %" does not.
 pub fn with_interval(relative: f64, ci95: Option<[f64; 2]>) -> String {
     let width = ci95.map(|[low, high]| 0.5 * (high - low));
     let digits = match width {
@@ -275,16 +279,20 @@ pub fn with_interval(relative: f64, ci95: Option<[f64; 2]>) -> String {
         Some(width) if width < 0.001 => 2,
         _ => 1,
     };
-    let number = format!("{:+.digits$}", 100.0 * relative).replace('-', "\u{2212}");
-    // What rounds to nothing has no sign.
-    let zero = !number.contains(|c: char| ('1'..='9').contains(&c));
-    let number = format!(
-        "{} %",
-        if zero { &number[number.len() - if digits > 0 { digits + 2 } else { 1 }..] } else { &number }
-    );
-    match width {
-        Some(width) => format!("{number} ± {:.digits$} %", 100.0 * width),
-        None => number,
+    let number = |value: f64| {
+        let number = format!("{:+.digits$}", 100.0 * value).replace('-', "\u{2212}");
+        // What rounds to nothing has no sign.
+        let zero = !number.contains(|c: char| ('1'..='9').contains(&c));
+        if zero { number.trim_start_matches(['+', '\u{2212}']).to_owned() } else { number }
+    };
+    let Some([low, high]) = ci95 else { return format!("{} %", number(relative)) };
+    let half = 0.5 * (high - low);
+    let scale = 100.0 * 10.0_f64.powi(digits as i32);
+    let written = (scale * relative).abs().round() <= (scale * half).round();
+    if written == (low <= 0.0 && high >= 0.0) {
+        format!("{} % ± {:.digits$} %", number(relative), 100.0 * half)
+    } else {
+        format!("{} % ({} to {} %)", number(relative), number(low), number(high))
     }
 }
 
@@ -375,6 +383,10 @@ mod tests {
         assert_eq!(with_interval(0.01234, Some([0.0121, 0.01258])), "+1.23 % ± 0.02 %");
         assert_eq!(with_interval(0.5, None), "+50.0 %");
         assert_eq!(with_interval(-0.002, Some([-0.06, 0.06])), "0 % ± 6 %");
+        // ln-symmetric: 13 % to either side would leave out 0, and the interval does not.
+        assert_eq!(with_interval(-0.138, Some([-0.26, 0.004])), "\u{2212}14 % (\u{2212}26 to 0 %)");
+        assert_eq!(with_interval(-0.07, Some([-0.14, 0.011])), "\u{2212}7 % ± 8 %");
+        assert_eq!(with_interval(0.20, Some([0.01, 0.43])), "+20 % (+1 to +43 %)");
         assert_eq!(with_interval(-0.0002, Some([-0.012, 0.0116])), "0.0 % ± 1.2 %");
         let verdict = full().verdict();
         assert!(verdict.starts_with("material \"Mirror\" matte: intersection cost "), "{verdict}");

@@ -92,12 +92,13 @@ fn compare_finds_what_changed_and_gates() {
     assert!(rays["delta"].as_f64().is_some_and(|d| d < 0.0), "{rays}");
     assert!(rays["ci95"].is_array(), "{rays}");
     // Against itself nothing is significant, and no gate trips.
-    expect(0, &["compare", a, a, "-o", out, "--fail-over", "nodes=0%"]);
+    let (said, _) = expect(0, &["compare", a, a, "-o", out, "--fail-over", "nodes=0%"]);
+    assert!(said.contains("per path: exactly the same"), "{said}");
     // The other way round it grew, by more than nothing.
     let (_, err) = expect(3, &["compare", b, a, "-o", out, "--fail-over", "nodes=0%"]);
     assert!(err.contains("gate tripped") && err.contains("nodes"), "{err}");
     let (_, err) = expect(2, &["compare", a, b, "-o", out, "--fail-over", "nods=1%"]);
-    assert!(err.contains("nods"), "{err}");
+    assert!(err.contains("nods") && err.contains("did you mean \"nodes\"?"), "{err}");
 }
 
 #[test]

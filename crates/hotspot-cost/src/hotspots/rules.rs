@@ -298,3 +298,7 @@ fn textures(here: &Flow, ordinary: &Flow) -> Option<Draft> {
         ordinary: of_ordinary,
     })
 }
+
+#[cfg(test)]
+#[path = "rules_tests.rs"]
+mod tests;

@@ -21,7 +21,7 @@ pub use beauty::{Beauty, Exposure, beauty};
 pub use colormap::{ColorMap, SIGNAL};
 pub use heat::{HeatMap, HeatOptions, heat_map};
 pub use legend::notes;
-pub use numbers::{compact, ticks};
+pub use numbers::{compact, grouped, ticks};
 pub use picture::{crop, encode_png, thumbnail, write_atomic, write_png};
 pub use plot::{Curve, LogPlot};
 pub use view::{DEFAULT_CLIP, SPIKE, Scale, View, view};

@@ -59,7 +59,7 @@ fn scientific(value: f64) -> String {
 }
 
 /// A count with spaces between groups of three digits: `1 234 567`.
-pub(crate) fn grouped(count: u64) -> String {
+pub fn grouped(count: u64) -> String {
     let digits = count.to_string();
     let mut out = String::with_capacity(digits.len() + digits.len() / 3);
     for (i, digit) in digits.chars().enumerate() {

@@ -31,7 +31,7 @@ pub fn html(input: &ReportInput<'_>) -> String {
         include_str!("page.html"),
         &[
             ("title", &escape::name(&input.title, NAME)),
-            ("verdict", &escape::name(&input.verdict, TEXT)),
+            ("verdict", &escape::name(&parts::unbroken(&input.verdict), TEXT)),
             ("facts", &parts::facts(&input.facts[..input.facts.len().min(TOP_FACTS)])),
             ("beauty", &parts::image(picture.as_deref(), "beauty", "Rendered picture")),
             ("hotspots", &cards(hotspots)),

@@ -26,7 +26,7 @@ fn a_full_page_stays_below_five_megabytes() {
     let worst =
         sample.planes[1].iter().zip(&back).map(|(a, b)| (a - b).abs() / a.max(1.0)).fold(0.0, f32::max);
     assert!(worst < 0.005, "{worst}");
-    assert!(page.contains("<h1>41 % of the cost lies in 14 % of the pixels"));
+    assert!(page.contains("<h1>41\u{a0}% of the cost lies in 14\u{a0}% of the pixels"));
 }
 
 #[test]

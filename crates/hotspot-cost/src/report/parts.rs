@@ -18,13 +18,18 @@ pub(super) fn percent(share: f64) -> String {
     if share.is_finite() { format!("{}\u{a0}%", compact(share * 100.0)) } else { "–".into() }
 }
 
-/// A change as people read it: "+3.2 %", "−23.1 %".
+/// A change as people read it: "+3.20 %", "−23.1 %". Three digits, zeros kept: the ends of an interval stand side by side.
 pub(super) fn change(relative: f64) -> String {
-    if !relative.is_finite() {
+    let percent = 100.0 * relative;
+    if !percent.is_finite() {
         return "–".into();
     }
-    let sign = if relative > 0.0 { "+" } else { "" };
-    format!("{sign}{}", percent(relative)).replace('-', "−")
+    let decimals = if percent == 0.0 { 0.0 } else { (2.0 - percent.abs().log10().floor()).clamp(0.0, 3.0) };
+    let number = format!("{percent:+.*}", decimals as usize);
+    // What rounds to nothing has no sign.
+    let zero = !number.contains(|c: char| ('1'..='9').contains(&c));
+    let number = if zero { "0".into() } else { number.replace('-', "−") };
+    format!("{number}\u{a0}%")
 }
 
 /// List items "label value".
@@ -109,7 +114,9 @@ mod tests {
     #[test]
     fn shares_and_changes_read_well() {
         assert_eq!((percent(0.41), percent(0.008)), ("41\u{a0}%".into(), "0.8\u{a0}%".into()));
-        assert_eq!((change(-0.231), change(0.032)), ("−23.1\u{a0}%".into(), "+3.2\u{a0}%".into()));
+        assert_eq!((change(-0.231), change(0.032)), ("−23.1\u{a0}%".into(), "+3.20\u{a0}%".into()));
+        assert_eq!((change(-0.16), change(147.213)), ("−16.0\u{a0}%".into(), "+14721\u{a0}%".into()));
+        assert_eq!((change(-0.0), change(1e-7)), ("0\u{a0}%".into(), "0\u{a0}%".into()));
         assert_eq!((change(f64::NAN), percent(f64::INFINITY)), ("–".into(), "–".into()));
     }
 

@@ -107,9 +107,11 @@ function drawLegend(title, layer, base, repaint, notes = []) {
   };
   const median = layer.median > span.lo && layer.median < span.hi && !scale.diverging ? placeOn(span, layer.median) : -1;
   let before = -1;
+  // "median" and a number beside it take 44 pixels, whatever the width.
+  const clear = Math.max(0.09, 44 / Math.max(legend.clientWidth, 1));
   for (const value of roundTicks(span)) {
     const place = placeOn(span, value);
-    if (place - before < 0.075 || (median >= 0 && Math.abs(place - median) < 0.09)) continue;
+    if (place - before < 0.075 || (median >= 0 && Math.abs(place - median) < clear)) continue;
     put(place, short(value), "");
     before = place;
   }

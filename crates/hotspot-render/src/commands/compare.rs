@@ -1,10 +1,10 @@
 //! `compare`: what changed in cost from one render to another.
 
 use super::report::document;
-use crate::args::CompareArgs;
+use crate::args::{CompareArgs, nearest};
 use crate::fail::{FAILED, Fail, GATE};
 use crate::output::{Writer, stem};
-use hotspot_cost::compare::{Comparison, Gate, GateOutcome, Needed};
+use hotspot_cost::compare::{Comparison, Gate, GateError, GateOutcome, Needed};
 use hotspot_cost::exr_io::{self, Limits};
 use hotspot_cost::{Metric, Side, compare};
 
@@ -12,7 +12,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Fail> {
     let gates = args
         .fail_over
         .iter()
-        .map(|text| Gate::parse(text).map_err(|e| Fail::usage(format!("--fail-over: {e}"))))
+        .map(|text| Gate::parse(text).map_err(|error| unreadable(&error)))
         .collect::<Result<Vec<_>, _>>()?;
     let read = |path: &std::path::Path| -> Result<_, Fail> {
         let file = exr_io::read(path, &Limits::default())?;
@@ -58,6 +58,15 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Fail> {
     Ok(())
 }
 
+fn unreadable(error: &GateError) -> Fail {
+    let near = match error {
+        GateError::Metric(name) => nearest(name, Metric::ALL.map(Metric::name)),
+        GateError::Form(_) => None,
+    };
+    let hint = near.map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
+    Fail::usage(format!("--fail-over: {error}{hint}"))
+}
+
 /// Stems, told apart when they are the same.
 fn names(a: &str, b: &str) -> (String, String) {
     if a == b { (format!("{a} (A)"), format!("{b} (B)")) } else { (a.to_owned(), b.to_owned()) }
@@ -67,6 +76,10 @@ fn print_totals(comparison: &Comparison) {
     for metric in [Metric::Rays, Metric::Nodes, Metric::Shapes, Metric::Intersection, Metric::TimeUs] {
         let Some(change) = comparison.totals.get(metric.name()) else { continue };
         let Some(relative) = change.relative else { continue };
+        if change.delta == 0.0 {
+            crate::say::out!("{:<13} {:>10.3} per path: exactly the same", metric.name(), change.a);
+            continue;
+        }
         let without = match metric {
             Metric::TimeUs => "one run each: no test; whatif takes turns",
             _ => "no interval",

@@ -1,6 +1,6 @@
 //! Metrics, totals and settings in the words of pages and legends.
 
-use hotspot_cost::maps::HeatMap;
+use hotspot_cost::maps::{HeatMap, grouped};
 use hotspot_cost::report::{Fact, PairFact, TotalRow, ValueKind};
 use hotspot_cost::{CiKind, Document, Metric, Sum};
 
@@ -61,7 +61,7 @@ pub(super) fn facts(document: &Document) -> Vec<Fact> {
         facts.push(Fact::new("Threads", document.render.threads));
     }
     if document.tree.triangles > 0 {
-        facts.push(Fact::new("Triangles", document.tree.triangles));
+        facts.push(Fact::new("Triangles", grouped(document.tree.triangles).replace(' ', "\u{a0}")));
     }
     if let Some(depth) = document.settings.get("max-depth") {
         facts.push(Fact::new("Max depth", depth));
