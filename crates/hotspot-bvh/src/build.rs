@@ -101,17 +101,17 @@ pub(crate) fn build<M: AsRef<[[[f32; 3]; 3]]>>(
     let bounds: Vec<Bounds> = placed.iter().map(|p| p.bounds).collect();
     let top = wide_tree(triangles, &bounds, options);
     let bounds = top.bounds;
-    // A scene without meshes is its top as it was made.
-    let mut whole = top;
-    let mut root = whole.root;
-    if !tree.blocks.is_empty() {
-        let top = whole;
-        whole =
+    let (whole, root) = if tree.blocks.is_empty() {
+        let root = top.root;
+        (top, root)
+    } else {
+        let mut whole =
             WideTree::with_capacity(tree.nodes.len() + top.nodes.len(), tree.blocks.len() + top.blocks.len());
         // First: nothing moves, so that the roots above stay true.
         whole.append(tree);
-        root = whole.append(top);
-    }
+        let root = whole.append(top);
+        (whole, root)
+    };
     Ok(Bvh {
         nodes: whole.nodes,
         blocks: whole.blocks,

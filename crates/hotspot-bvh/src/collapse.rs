@@ -186,7 +186,7 @@ fn plan(tree: &BinaryTree, primitives: Primitives<'_>) -> Vec<Planned> {
             let (bounds, size) = (l.bounds.union(&r.bounds), l.size.saturating_add(r.size));
             let area = bounds.half_area();
             let forest = cheapest_forests(&l, &r, &mut plan);
-            let as_block = if size as usize <= LANES { area * BLOCK_COST } else { f64::INFINITY };
+            let as_block = block_cost(area, size);
             let as_node = area * NODE_COST + forest[WIDTH];
             plan.leaf = as_block <= as_node;
             let single = as_block.min(as_node);
@@ -208,7 +208,7 @@ fn plan(tree: &BinaryTree, primitives: Primitives<'_>) -> Vec<Planned> {
                 size += if primitives.instance(primitive).is_some() { LANES as u32 + 1 } else { 1 };
             }
             let area = bounds.half_area();
-            let as_block = if size as usize <= LANES { area * BLOCK_COST } else { f64::INFINITY };
+            let as_block = block_cost(area, size);
             let cost = [as_block.min(area * INSTANCE_COST); WIDTH - 1];
             Waiting { cost, bounds, size, length: 1, most: 1 }
         };
@@ -219,6 +219,11 @@ fn plan(tree: &BinaryTree, primitives: Primitives<'_>) -> Vec<Planned> {
         waiting.push(this);
     }
     planned
+}
+
+/// The cost of a leaf block for so many triangles; infinite where they do not fit.
+fn block_cost(area: f64, triangles: u32) -> f64 {
+    if triangles as usize <= LANES { area * BLOCK_COST } else { f64::INFINITY }
 }
 
 /// Costs of the cheapest forests of at most i subtrees, i in 2..=8, that are shared out between two children; how goes into
@@ -416,5 +421,125 @@ impl Emitter<'_> {
         let primitives =
             leaves.flat_map(|leaf| leaf_primitives(self.tree, self.tree.nodes[leaf.node as usize]));
         Block::new(primitives.map(|&p| (p, self.primitives.triangles[p as usize])))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// SplitMix64, below a limit.
+    fn random(state: &mut u64, limit: u32) -> u32 {
+        *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = *state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 33) as u32 % limit
+    }
+
+    /// Splits `order[range]`, primitives of node `n`, at random.
+    fn grow(nodes: &mut Vec<BinaryNode>, n: usize, range: core::ops::Range<u32>, state: &mut u64) {
+        if range.len() == 1 {
+            nodes[n] = BinaryNode { first: range.start, count: 1 };
+            return;
+        }
+        let middle = range.start + 1 + random(state, range.len() as u32 - 1);
+        let first = nodes.len();
+        nodes[n] = BinaryNode { first: first as u32, count: 0 };
+        nodes.extend([BinaryNode { first: 0, count: 0 }; 2]);
+        grow(nodes, first, range.start..middle, state);
+        grow(nodes, first + 1, middle..range.end, state);
+    }
+
+    /// Box and primitives below a node.
+    fn below(tree: &BinaryTree, bounds: &[Bounds], n: usize) -> (Bounds, Vec<u32>) {
+        let node = tree.nodes[n];
+        if node.count > 0 {
+            let own = leaf_primitives(tree, node).to_vec();
+            return (own.iter().fold(Bounds::EMPTY, |b, p| b.union(&bounds[*p as usize])), own);
+        }
+        let [(a, mut left), (b, right)] = [0, 1].map(|i| below(tree, bounds, node.first as usize + i));
+        left.extend(right);
+        (a.union(&b), left)
+    }
+
+    /// The least cost of a forest of at most `most` wide subtrees below node `n`, by trying everything.
+    fn least(tree: &BinaryTree, p: Primitives<'_>, n: usize, most: usize, known: &mut [[f64; 9]]) -> f64 {
+        if known[n][most].is_nan() {
+            let node = tree.nodes[n];
+            let (bounds, own) = below(tree, p.bounds, n);
+            let area = bounds.half_area();
+            let instances = own.iter().any(|i| p.instance(*i).is_some());
+            let mut cost = if !instances && own.len() <= LANES { area * BLOCK_COST } else { f64::INFINITY };
+            if node.count > 0 {
+                cost = cost.min(area * INSTANCE_COST);
+            } else {
+                let first = node.first as usize;
+                let mut share = |most: usize| {
+                    (1..most)
+                        .map(|left| {
+                            least(tree, p, first, left, known) + least(tree, p, first + 1, most - left, known)
+                        })
+                        .fold(f64::INFINITY, f64::min)
+                };
+                cost = cost.min(area * NODE_COST + share(WIDTH)).min(share(most));
+            }
+            known[n][most] = cost;
+        }
+        known[n][most]
+    }
+
+    /// Random trees over random boxes, instances among them: the wide tree holds each primitive once, costs as little as
+    /// any, and has its children in their order.
+    #[test]
+    fn no_wide_tree_costs_less() {
+        let mut state = 1;
+        for round in 0..400 {
+            let count = 1 + random(&mut state, 60);
+            let instances = if round % 3 == 0 { random(&mut state, count + 1) } else { 0 };
+            let triangles: Vec<[[f32; 3]; 3]> = (instances..count)
+                .map(|_| core::array::from_fn(|_| core::array::from_fn(|_| random(&mut state, 1000) as f32)))
+                .collect();
+            let mut bounds: Vec<Bounds> = triangles.iter().map(|t| Bounds::of_points(t)).collect();
+            for _ in 0..instances {
+                let mut corner = || core::array::from_fn(|_| random(&mut state, 1000) as f32);
+                bounds.push(Bounds::of_points(&[corner(), [500.0; 3]]));
+            }
+            let primitives = Primitives { triangles: &triangles, bounds: &bounds };
+            let mut order: Vec<u32> = (0..count).collect();
+            for last in (1..count).rev() {
+                order.swap(last as usize, random(&mut state, last + 1) as usize);
+            }
+            let mut tree = BinaryTree { nodes: vec![BinaryNode { first: 0, count: 0 }], order };
+            grow(&mut tree.nodes, 0, 0..count, &mut state);
+            let wide = collapse(&tree, primitives);
+
+            let mut seen: Vec<u32> = Vec::new();
+            let mut cost = 0.0;
+            let mut pending = vec![(wide.bounds, wide.root)];
+            while let Some((bounds, child)) = pending.pop() {
+                if child.is_instance() {
+                    seen.push(triangles.len() as u32 + child.index() as u32);
+                    cost += bounds.half_area() * INSTANCE_COST;
+                } else if child.is_leaf() {
+                    let used = |p: &&u32| **p != crate::triangle::NO_PRIMITIVE;
+                    seen.extend(wide.blocks[child.index()].primitives.iter().filter(used));
+                    cost += bounds.half_area() * BLOCK_COST;
+                } else {
+                    let slots: Vec<_> = wide.nodes[child.index()].occupied().collect();
+                    let rank = |(bounds, child): &(Bounds, Child)| {
+                        (!child.is_leaf() || child.is_instance(), -bounds.half_area())
+                    };
+                    assert!(slots.is_sorted_by_key(rank), "round {round}: {slots:?}");
+                    pending.extend(slots);
+                    cost += bounds.half_area() * NODE_COST;
+                }
+            }
+            seen.sort_unstable();
+            assert_eq!(seen, (0..count).collect::<Vec<_>>(), "round {round}");
+            let mut known = vec![[f64::NAN; 9]; tree.nodes.len()];
+            let least = least(&tree, primitives, 0, 1, &mut known);
+            assert!((cost / least - 1.0).abs() < 1e-9, "round {round}: {cost} where {least} would do");
+        }
     }
 }
