@@ -29,6 +29,7 @@ fn trace(isa: Isa, kind: Kind) -> usize {
     let (mut found, mut blocked) = (vec![None; rays.len()], vec![false; rays.len()]);
     measured(&mut || match kind {
         Kind::Shadow => query::any(&bvh, isa, &rays, &mut blocked),
+        Kind::Packets => query::packets(&bvh, isa, &rays, &mut found),
         _ => query::closest(&bvh, isa, &rays, &mut found),
     });
     rays.len()

@@ -167,6 +167,15 @@ fn break_even(build: [f64; 2], ray: [f64; 2]) -> Option<f64> {
     (gains > 0.0).then(|| costs.max(0.0) / gains)
 }
 
+/// Our side.
+fn trace(o: &Options, bvh: &Bvh, kind: Kind, rays: &[Ray], found: &mut [Option<Hit>], blocked: &mut [bool]) {
+    match kind {
+        Kind::Shadow => query::any(bvh, o.isa, rays, blocked),
+        Kind::Packets => query::packets(bvh, o.isa, rays, found),
+        Kind::Primary | Kind::Bounce => query::closest(bvh, o.isa, rays, found),
+    };
+}
+
 /// Traces in turns.
 fn compare(o: &Options, soup: &Soup, kind: Kind, built: &Built, mut peer: Option<&mut Peer>) {
     let bvhs = &built.bvhs[..];
@@ -193,11 +202,7 @@ fn compare(o: &Options, soup: &Soup, kind: Kind, built: &Built, mut peer: Option
             let time = match (bvhs.get(side), peer.as_deref_mut()) {
                 (Some(bvh), _) => {
                     let start = Instant::now();
-                    if any {
-                        query::any(bvh, o.isa, &rays, &mut blocked);
-                    } else {
-                        query::closest(bvh, o.isa, &rays, &mut found);
-                    }
+                    trace(o, bvh, kind, &rays, &mut found, &mut blocked);
                     start.elapsed().as_secs_f64()
                 }
                 (None, Some(peer)) => peer.run(MODES[side - bvhs.len()]).0,
@@ -232,11 +237,7 @@ fn compare(o: &Options, soup: &Soup, kind: Kind, built: &Built, mut peer: Option
         println!();
     }
     if let Some(peer) = peer {
-        if any {
-            query::any(&bvhs[0], o.isa, &rays, &mut blocked);
-        } else {
-            query::closest(&bvhs[0], o.isa, &rays, &mut found);
-        }
+        trace(o, &bvhs[0], kind, &rays, &mut found, &mut blocked);
         for mode in MODES {
             peer.run(mode);
             agreement(&format!("{} against {mode}", kind.name()), any, &found, &blocked, &peer.hits(any));

@@ -9,6 +9,8 @@ use hotspot_scene::Projection;
 pub enum Kind {
     /// From the camera, nearest hit.
     Primary,
+    /// The same, which we trace in packets of sixteen neighbours (peers: one at a time).
+    Packets,
     /// From what the camera sees, about the normal as a matte surface scatters, nearest hit.
     Bounce,
     /// From what the camera sees to points on the lights, any hit.
@@ -17,12 +19,13 @@ pub enum Kind {
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Primary, Self::Bounce, Self::Shadow];
+    pub const ALL: [Self; 4] = [Self::Primary, Self::Packets, Self::Bounce, Self::Shadow];
 
     /// Name in outputs.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Primary => "primary",
+            Self::Packets => "packets",
             Self::Bounce => "bounce",
             Self::Shadow => "shadow",
         }
@@ -55,7 +58,7 @@ pub fn rays(soup: &Soup, bvh: &Bvh, size: u32, kind: Kind) -> Vec<Ray> {
             Ray::new(eye.map(|e| e as f32), unit(d.map(|d| d as f32)))
         };
         match kind {
-            Kind::Primary => out.push(primary),
+            Kind::Primary | Kind::Packets => out.push(primary),
             Kind::Bounce | Kind::Shadow => {
                 let Some(hit) = bvh.closest_hit(&primary, NoProbe) else { continue };
                 out.push(if kind == Kind::Bounce {

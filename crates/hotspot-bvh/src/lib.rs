@@ -29,6 +29,7 @@ mod instance;
 mod node;
 pub mod oracle;
 mod owners;
+mod packet;
 mod ray;
 mod shuffle;
 pub mod simd;
@@ -41,6 +42,7 @@ pub use filter::{Candidate, Filter, NoFilter};
 pub use hotspot_probe::{NoProbe, RayProbe};
 pub use instance::Instance;
 pub use owners::{Owner, Owners};
+pub use packet::PACKET;
 pub use ray::{Hit, NO_INSTANCE, Ray};
 
 use instance::Placed;
@@ -218,6 +220,19 @@ impl Bvh {
             #[inline(always)]
             || traverse::closest::<S, P, NoFilter, false>(simd, self, ray, NoFilter, probe),
         )
+    }
+
+    /// The nearest hits of up to [`PACKET`] rays in a tree without instances: those of [`Bvh::closest_hit_flat`], bit for bit, and
+    /// sooner where the rays run close together, as the camera rays of a pixel do. Visits cannot be counted: the rays share them.
+    ///
+    /// # Panics
+    /// Where `rays` and `hits` differ in length or are longer than a packet; may panic where the tree has instances.
+    #[inline(always)]
+    pub fn closest_hits_flat<S: Simd>(&self, simd: S, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        simd.vectorize(
+            #[inline(always)]
+            || packet::closest_of_packet(simd, self, rays, hits),
+        );
     }
 
     /// Whether anything is hit in a tree without instances.

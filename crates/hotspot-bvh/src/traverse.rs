@@ -20,21 +20,24 @@ use hotspot_probe::RayProbe;
 
 /// A child waiting: the distance's bits (ordered as the distance, which is not negative) above the child word.
 #[derive(Clone, Copy)]
-struct Pending(u64);
+pub(crate) struct Pending(u64);
 
 impl Pending {
+    /// After all others.
+    pub(crate) const LAST: Self = Self(u64::MAX);
+
     #[inline(always)]
-    fn new(near: f32, child: Child) -> Self {
+    pub(crate) fn new(near: f32, child: Child) -> Self {
         Self(u64::from(near.to_bits()) << 32 | u64::from(child.0))
     }
 
     #[inline(always)]
-    fn near(self) -> f32 {
+    pub(crate) fn near(self) -> f32 {
         f32::from_bits((self.0 >> 32) as u32)
     }
 
     #[inline(always)]
-    fn child(self) -> Child {
+    pub(crate) fn child(self) -> Child {
         Child(self.0 as u32)
     }
 }
@@ -158,27 +161,27 @@ fn next(near: &F8, node: &Node, entered: u32) -> (u32, Pending) {
 
 /// The nearer first, without a branch.
 #[inline(always)]
-fn ordered(a: Pending, b: Pending) -> (Pending, Pending) {
+pub(crate) fn ordered(a: Pending, b: Pending) -> (Pending, Pending) {
     let swap = b.0 < a.0;
     (Pending(select_unpredictable(swap, b.0, a.0)), Pending(select_unpredictable(swap, a.0, b.0)))
 }
 
 /// The best hit so far.
 #[derive(Clone, Copy)]
-struct Best {
+pub(crate) struct Best {
     /// Its distance, or the end of the ray.
-    t: f32,
-    primitive: u32,
-    instance: u32,
-    block: usize,
-    lane: usize,
-    found: bool,
+    pub(crate) t: f32,
+    pub(crate) primitive: u32,
+    pub(crate) instance: u32,
+    pub(crate) block: usize,
+    pub(crate) lane: usize,
+    pub(crate) found: bool,
 }
 
 impl Best {
     /// Nothing yet. Something at `t_max` itself does not count: it would need an index below 0 to win the tie.
     #[inline(always)]
-    fn none(t_max: f32) -> Self {
+    pub(crate) fn none(t_max: f32) -> Self {
         Self { t: t_max, primitive: 0, instance: NO_INSTANCE, block: 0, lane: 0, found: false }
     }
 }
@@ -299,11 +302,11 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
                     first,
                     second,
                     third,
-                    Pending(u64::MAX),
-                    Pending(u64::MAX),
-                    Pending(u64::MAX),
-                    Pending(u64::MAX),
-                    Pending(u64::MAX),
+                    Pending::LAST,
+                    Pending::LAST,
+                    Pending::LAST,
+                    Pending::LAST,
+                    Pending::LAST,
                 ];
                 let mut count = 3;
                 loop {

@@ -48,7 +48,7 @@ pub(crate) const NO_PRIMITIVE: u32 = u32::MAX;
 /// A coordinate axis: an index that needs no bounds check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
-enum Axis {
+pub(crate) enum Axis {
     X = 0,
     Y = 1,
     Z = 2,
@@ -73,12 +73,12 @@ pub(crate) struct RayFrame {
     /// Whether the ray runs down an axis: its near plane is then the maximum.
     pub(crate) down: [bool; 3],
     /// Axis permutation of the shear: the direction's largest component last.
-    k: [Axis; 3],
+    pub(crate) k: [Axis; 3],
     /// Origin and direction, permuted likewise.
-    origin_k: [f32; 3],
+    pub(crate) origin_k: [f32; 3],
     direction_k: [f32; 3],
     /// Shear factors along x and y.
-    shear: [f32; 2],
+    pub(crate) shear: [f32; 2],
 }
 
 impl RayFrame {
@@ -106,8 +106,9 @@ impl RayFrame {
     }
 }
 
+/// A vertex in a ray's order of axes.
 #[inline(always)]
-fn permuted(v: &[f32; 3], k: [Axis; 3]) -> [f32; 3] {
+pub(crate) fn permuted(v: &[f32; 3], k: [Axis; 3]) -> [f32; 3] {
     [v[k[0] as usize], v[k[1] as usize], v[k[2] as usize]]
 }
 
@@ -161,53 +162,70 @@ impl Block {
         [s.min(s.min(a, b), c), s.max(s.max(a, b), c)]
     }
 
-    /// A corner relative to the origin, sheared so that the ray runs along z: x, y, and z.
-    #[inline(always)]
-    fn sheared<S: Simd>(&self, s: S, frame: &RayFrame, corner: usize) -> [S::Vector; 3] {
-        let [kx, ky, kz] = frame.k;
-        let [ox, oy, oz] = frame.origin_k;
-        let corner = &self.vertices[corner];
-        let z = s.sub(s.load(&corner[kz as usize]), s.splat(oz));
-        let x = s.sub(s.sub(s.load(&corner[kx as usize]), s.splat(ox)), s.mul(s.splat(frame.shear[0]), z));
-        let y = s.sub(s.sub(s.load(&corner[ky as usize]), s.splat(oy)), s.mul(s.splat(frame.shear[1]), z));
-        [x, y, z]
-    }
-
-    /// Lanes that may be hit by rule 1, a filter that passes all that [`confirm`] accepts, and among them those that surely
-    /// are; as bits.
-    ///
-    /// Let S be the largest |x|, |y| of the sheared corners, Z their largest |z|, R = S + Z, u = 2^−24. A corner's x is
-    /// off by at most u(|X| + 3|Z| + |x|) ≤ u(2S + 4Z) =: E, since |shear| ≤ 1 and |X| ≤ |x| + |Z|; an edge function by
-    /// 4SE + 2E² from its corners and by 4uS² from its own roundings; together no more than 16uR(S + 2uR). The factor 20
-    /// covers the terms of higher order, the added constant covers underflow. Written so that nothing waits for long: S
-    /// comes last.
+    /// Lanes that may be hit by rule 1, and among them those that surely are, as bits: [`edge_test`] of one ray.
     #[inline(always)]
     pub(crate) fn candidates<S: Simd>(&self, s: S, frame: &RayFrame) -> (u32, u32) {
-        const U: f32 = 0.5 * f32::EPSILON;
-        const UNDERFLOW: f32 = f32::from_bits(1 << 9);
-        let [ax, ay, az] = self.sheared(s, frame, 0);
-        let [bx, by, bz] = self.sheared(s, frame, 1);
-        let [cx, cy, cz] = self.sheared(s, frame, 2);
-        let u = s.sub(s.mul(cx, by), s.mul(cy, bx));
-        let v = s.sub(s.mul(ax, cy), s.mul(ay, cx));
-        let w = s.sub(s.mul(bx, ay), s.mul(by, ax));
-        let largest = |x, y| s.max(s.abs(x), s.abs(y));
-        let depth = s.max(s.max(s.abs(az), s.abs(bz)), s.abs(cz));
-        let side = s.max(s.max(largest(ax, ay), largest(bx, by)), largest(cx, cy));
-        let scale = s.add(s.mul(side, s.splat(20.0 * U + 40.0 * U * U)), s.mul(depth, s.splat(40.0 * U * U)));
-        let error = s.mul(s.add(side, depth), scale);
-        // Misses are what is certain: one edge function below −error, another above. Where f32 overflows nothing is. The
-        // last term drops unused lanes. Hits are certain where all edge functions lie on one side by more than the error;
-        // none is NaN then, which the sum tells.
-        let (least, most) = (s.min(u, s.min(v, w)), s.max(u, s.max(v, w)));
-        let tiny = s.splat(UNDERFLOW);
-        let negative = s.lt(s.add(least, tiny), s.neg(error));
-        let positive = s.lt(error, s.sub(most, tiny));
-        let surely_positive = s.lt(error, s.sub(least, tiny));
-        let surely_negative = s.lt(s.add(most, tiny), s.neg(error));
-        let sum = s.add(s.add(u, v), w);
-        (!(negative & positive) & s.le(az, az), (surely_positive | surely_negative) & s.le(sum, sum))
+        let [kx, ky, kz] = frame.k;
+        let [ox, oy, oz] = frame.origin_k;
+        let shear = [s.splat(frame.shear[0]), s.splat(frame.shear[1])];
+        let origin = [s.splat(ox), s.splat(oy), s.splat(oz)];
+        let [a, b, c] = &self.vertices;
+        let [kx, ky, kz] = [kx as usize, ky as usize, kz as usize];
+        let a = sheared(s, [s.load(&a[kx]), s.load(&a[ky]), s.load(&a[kz])], origin, shear);
+        let b = sheared(s, [s.load(&b[kx]), s.load(&b[ky]), s.load(&b[kz])], origin, shear);
+        let c = sheared(s, [s.load(&c[kx]), s.load(&c[ky]), s.load(&c[kz])], origin, shear);
+        edge_test(s, [a, b, c])
     }
+}
+
+/// Corners relative to origins, sheared so that the rays run along z: x, y, and z. All in the rays' order of axes.
+#[inline(always)]
+pub(crate) fn sheared<S: Simd>(
+    s: S,
+    [x, y, z]: [S::Vector; 3],
+    [ox, oy, oz]: [S::Vector; 3],
+    shear: [S::Vector; 2],
+) -> [S::Vector; 3] {
+    let z = s.sub(z, oz);
+    let x = s.sub(s.sub(x, ox), s.mul(shear[0], z));
+    let y = s.sub(s.sub(y, oy), s.mul(shear[1], z));
+    [x, y, z]
+}
+
+/// Lanes that may be hit by rule 1, a filter that passes all that [`confirm`] accepts, and among them those that surely
+/// are; as bits. From [`sheared`] corners.
+///
+/// Let S be the largest |x|, |y| of the sheared corners, Z their largest |z|, R = S + Z, u = 2^−24. A corner's x is
+/// off by at most u(|X| + 3|Z| + |x|) ≤ u(2S + 4Z) =: E, since |shear| ≤ 1 and |X| ≤ |x| + |Z|; an edge function by
+/// 4SE + 2E² from its corners and by 4uS² from its own roundings; together no more than 16uR(S + 2uR). The factor 20
+/// covers the terms of higher order, the added constant covers underflow. Written so that nothing waits for long: S
+/// comes last.
+#[inline(always)]
+pub(crate) fn edge_test<S: Simd>(
+    s: S,
+    [[ax, ay, az], [bx, by, bz], [cx, cy, cz]]: [[S::Vector; 3]; 3],
+) -> (u32, u32) {
+    const U: f32 = 0.5 * f32::EPSILON;
+    const UNDERFLOW: f32 = f32::from_bits(1 << 9);
+    let u = s.sub(s.mul(cx, by), s.mul(cy, bx));
+    let v = s.sub(s.mul(ax, cy), s.mul(ay, cx));
+    let w = s.sub(s.mul(bx, ay), s.mul(by, ax));
+    let largest = |x, y| s.max(s.abs(x), s.abs(y));
+    let depth = s.max(s.max(s.abs(az), s.abs(bz)), s.abs(cz));
+    let side = s.max(s.max(largest(ax, ay), largest(bx, by)), largest(cx, cy));
+    let scale = s.add(s.mul(side, s.splat(20.0 * U + 40.0 * U * U)), s.mul(depth, s.splat(40.0 * U * U)));
+    let error = s.mul(s.add(side, depth), scale);
+    // Misses are what is certain: one edge function below −error, another above. Where f32 overflows nothing is. The
+    // last term drops unused lanes. Hits are certain where all edge functions lie on one side by more than the error;
+    // none is NaN then, which the sum tells.
+    let (least, most) = (s.min(u, s.min(v, w)), s.max(u, s.max(v, w)));
+    let tiny = s.splat(UNDERFLOW);
+    let negative = s.lt(s.add(least, tiny), s.neg(error));
+    let positive = s.lt(error, s.sub(most, tiny));
+    let surely_positive = s.lt(error, s.sub(least, tiny));
+    let surely_negative = s.lt(s.add(most, tiny), s.neg(error));
+    let sum = s.add(s.add(u, v), w);
+    (!(negative & positive) & s.le(az, az), (surely_positive | surely_negative) & s.le(sum, sum))
 }
 
 /// The edge functions of rule 1: weights of the three vertices, up to a common factor. The shear is multiplied through by

@@ -8,7 +8,7 @@ use crate::cutout::Cutouts;
 use crate::sampler::Sampler;
 use crate::scene::RenderScene;
 use hotspot_bvh::simd::Simd;
-use hotspot_bvh::{Hit, NoFilter, Ray, RayProbe};
+use hotspot_bvh::{Hit, NoFilter, NoProbe, Ray, RayProbe};
 
 /// The nearest hit. `bounce`: scattering events before the ray.
 #[inline(always)]
@@ -30,6 +30,30 @@ pub(crate) fn closest_hit<S: Simd, R: RayProbe, C: Class>(
     } else {
         scene.bvh.closest_hit_flat(simd, ray, probe)
     }
+}
+
+/// The nearest hits of camera rays of a pixel, at most [`PACKET`](hotspot_bvh::PACKET): as a packet, unless cutouts must be asked
+/// ray by ray or instances want their own traversal. `sampler`: that of each ray.
+#[inline(always)]
+pub(crate) fn closest_hits<'a, S: Simd, C: Class>(
+    simd: S,
+    scene: &RenderScene,
+    rays: &[Ray],
+    sampler: impl Fn(usize) -> Sampler<'a>,
+    hits: &mut [Option<Hit>],
+) {
+    let cutouts = has::<C>(Feature::Cutouts) && scene.cutouts.any();
+    if cutouts || has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
+        for (place, (ray, hit)) in rays.iter().zip(hits).enumerate() {
+            *hit = closest_hit::<S, _, C>(simd, scene, ray, &sampler(place), 0, NoProbe);
+        }
+        return;
+    }
+    #[cfg(test)]
+    for (place, ray) in rays.iter().enumerate() {
+        crate::kernel::ray_counts::record(ray, sampler(place).ray_key(0), false);
+    }
+    scene.bvh.closest_hits_flat(simd, rays, hits);
 }
 
 /// Whether a shadow ray is blocked.

@@ -2,11 +2,13 @@
 
 use crate::adaptive::Plan;
 use crate::camera::FilmCamera;
+use crate::cast::closest_hits;
 use crate::class::{Class, FullClass, Learning, LobesClass, MatteClass, SceneClass};
-use crate::path::{PathResult, PathSettings, trace};
+use crate::path::{PathResult, PathSettings, Start, trace};
 use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind};
 use crate::scene::RenderScene;
 use glam::Vec3;
+use hotspot_bvh::PACKET;
 use hotspot_bvh::simd::{Simd, WithSimd};
 use hotspot_cost::ledger::{Ledger, Payers};
 use hotspot_cost::{PathEnd, PixelRecorder, TileRecorder};
@@ -213,10 +215,22 @@ impl TileJob<'_> {
                         keep(index, &result);
                     }
                 }
-                for index in plain {
-                    let result =
-                        sample::<S, _, C>(simd, kernel, x, y, &pixel_sampler.sample(index), &mut NoProbe);
-                    keep(index, &result);
+                for first in plain.clone().step_by(PACKET) {
+                    let indices = first..plain.end.min(first + PACKET as u64);
+                    let mut starts = [Start::NONE; PACKET];
+                    camera_hits::<S, C>(simd, kernel, (x, y), &pixel_sampler, indices.clone(), &mut starts);
+                    for (index, start) in indices.zip(&starts) {
+                        let sampler = pixel_sampler.sample(index);
+                        let result = trace::<S, _, C, true>(
+                            simd,
+                            kernel.scene,
+                            &kernel.path,
+                            *start,
+                            &sampler,
+                            &mut NoProbe,
+                        );
+                        keep(index, &result);
+                    }
                 }
                 *tile.film_mut(x, y, half) = film;
                 if let Some(start) = &mut clock {
@@ -269,6 +283,13 @@ fn booked_sample<S: Simd, C: Class>(
     )
 }
 
+/// Where the path of a camera sample starts.
+#[inline(always)]
+fn start(kernel: &Kernel<'_>, pixel: (u32, u32), sampler: &Sampler<'_>) -> Start {
+    let [u, v, light @ ..] = sampler.get(Dimensions::segment(0));
+    Start::new(kernel.camera.ray_of(pixel, [u, v], (kernel.width, kernel.height)), light)
+}
+
 /// One camera sample.
 #[inline(always)]
 fn sample<S: Simd, P: Probe, C: Class>(
@@ -279,9 +300,39 @@ fn sample<S: Simd, P: Probe, C: Class>(
     sampler: &Sampler<'_>,
     probe: &mut P,
 ) -> PathResult {
-    let [u, v, light @ ..] = sampler.get(Dimensions::segment(0));
-    let ray = kernel.camera.ray_of((x, y), [u, v], (kernel.width, kernel.height));
-    trace::<S, P, C>(simd, kernel.scene, &kernel.path, ray, light, sampler, probe)
+    let start = start(kernel, (x, y), sampler);
+    trace::<S, P, C, false>(simd, kernel.scene, &kernel.path, start, sampler, probe)
+}
+
+/// Where the paths of a packet of samples of a pixel start, and what their camera rays hit. Not inlined: its registers are not
+/// those of the path loop.
+#[inline(never)]
+fn camera_hits<S: Simd, C: Class>(
+    simd: S,
+    kernel: &Kernel<'_>,
+    pixel: (u32, u32),
+    sampler: &PixelSampler,
+    indices: Range<u64>,
+    starts: &mut [Start; PACKET],
+) {
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let mut rays = [Start::NONE.ray; PACKET];
+            let mut hits = [None; PACKET];
+            let mut count = 0;
+            for index in indices.clone() {
+                starts[count] = start(kernel, pixel, &sampler.sample(index));
+                rays[count] = starts[count].ray;
+                count += 1;
+            }
+            let keys = |place: usize| sampler.sample(indices.start + place as u64);
+            closest_hits::<S, C>(simd, kernel.scene, &rays[..count], keys, &mut hits[..count]);
+            for (at, hit) in starts.iter_mut().zip(hits) {
+                at.hit = hit;
+            }
+        },
+    );
 }
 
 #[cfg(test)]

@@ -17,8 +17,8 @@ use crate::scene::RenderScene;
 use crate::surface::{bumped, resolve};
 use crate::texture::color;
 use glam::{Vec2, Vec3};
-use hotspot_bvh::Ray;
 use hotspot_bvh::simd::Simd;
+use hotspot_bvh::{Hit, Ray};
 use hotspot_cost::Cause;
 use hotspot_probe::{NONE, Probe, RayKind, Spawner};
 
@@ -58,19 +58,38 @@ struct Scattered {
     from: Viewpoint,
 }
 
-/// Traces one path, from a camera ray's origin and direction. `light`: the two numbers for the light sample at the first vertex.
+/// The camera ray of a path.
+#[derive(Clone, Copy)]
+pub(crate) struct Start {
+    pub(crate) ray: Ray,
+    /// What it hits, of `KNOWN` paths.
+    pub(crate) hit: Option<Hit>,
+    /// Two numbers for the light sample at the first vertex.
+    pub(crate) light: [f32; 2],
+}
+
+impl Start {
+    /// In place of a path.
+    pub(crate) const NONE: Self = Self { ray: Ray::new([0.0; 3], [0.0; 3]), hit: None, light: [0.0; 2] };
+
+    /// A path whose camera ray is not traced yet.
+    #[inline(always)]
+    pub(crate) fn new((origin, direction): (Vec3, Vec3), light: [f32; 2]) -> Self {
+        Self { ray: Ray::new(origin.to_array(), direction.to_array()), hit: None, light }
+    }
+}
+
+/// Traces one path. `KNOWN`: what the camera ray hits was found before, in a packet.
 #[inline(always)]
-pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
+pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
     simd: S,
     scene: &RenderScene,
     settings: &PathSettings<'_>,
-    (origin, direction): (Vec3, Vec3),
-    mut light: [f32; 2],
+    Start { mut ray, hit: first, mut light }: Start,
     sampler: &Sampler<'_>,
     probe: &mut P,
 ) -> PathResult {
-    let mut ray = Ray::new(origin.to_array(), direction.to_array());
-    let mut wo = -direction;
+    let mut wo = -Vec3::from_array(ray.direction);
     let mut radiance = Vec3::ZERO;
     let mut throughput = Vec3::ONE;
     let mut eta_scale = 1.0f32;
@@ -89,8 +108,12 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class>(
     };
 
     loop {
-        let Some(hit) = closest_hit::<S, _, C>(simd, scene, &ray, sampler, bounces, probe.ray(spawner))
-        else {
+        let hit = if KNOWN && bounces == 0 {
+            first
+        } else {
+            closest_hit::<S, _, C>(simd, scene, &ray, sampler, bounces, probe.ray(spawner))
+        };
+        let Some(hit) = hit else {
             if let Some((environment, mut pdf)) = scene.lights.escaped::<P, C>(-wo, scattered.cos, probe) {
                 if let Some(learned) = learned {
                     pdf = learned.pdf_environment(&scene.lights, &scattered.from, -wo, pdf);

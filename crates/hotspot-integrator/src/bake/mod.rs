@@ -12,7 +12,7 @@ pub use views::viewpoints;
 use crate::camera::FilmCamera;
 use crate::cast::closest_hit;
 use crate::class::{FullClass, Learning};
-use crate::path::{PathSettings, trace};
+use crate::path::{PathSettings, Start, trace};
 use crate::render::{Control, Progress, Settings, Stop};
 use crate::sampler::{Dimensions, PixelSampler, Sampler, hash};
 use crate::scene::RenderScene;
@@ -231,12 +231,11 @@ impl WithSimd for BakeRow<'_> {
                         let [u, v, light @ ..] = sampler.get(Dimensions::segment(0));
                         let ray = kernel.first_ray(x, y, index, [u, v]);
                         // Draws any scene; without lessons as the other classes do.
-                        trace::<S, _, Learning<FullClass>>(
+                        trace::<S, _, Learning<FullClass>, false>(
                             simd,
                             kernel.scene,
                             &kernel.path,
-                            ray,
-                            light,
+                            Start::new(ray, light),
                             &sampler,
                             &mut probe,
                         );

@@ -3,7 +3,7 @@
 use crate::camera::FilmCamera;
 use crate::class::FullClass;
 use crate::geometry::Instancing;
-use crate::path::{PathSettings, trace};
+use crate::path::{PathSettings, Start, trace};
 use crate::sampler::{Dimensions, PixelSampler};
 use crate::{BuildOptions, Control, PrepareOptions, RenderScene, Settings, frame_bounds, render};
 use hotspot_bvh::simd::Portable;
@@ -97,12 +97,11 @@ fn oracle(scene: &RenderScene, camera: &hotspot_scene::Camera, settings: &Settin
                 let (origin, direction) =
                     film.ray((x as f32 + u) / settings.width as f32, (y as f32 + v) / settings.height as f32);
                 let mut log = Log::default();
-                trace::<_, _, FullClass>(
+                trace::<_, _, FullClass, false>(
                     Portable,
                     scene,
                     &path,
-                    (origin, direction),
-                    light,
+                    Start::new((origin, direction), light),
                     &sampler,
                     &mut log,
                 );
