@@ -56,10 +56,12 @@ pub struct Variant {
     pub cost_spp: Option<u32>,
     /// Book the counts by what sent and by what was met.
     pub ledgers: bool,
+    /// Camera rays that are not counted go in packets.
+    pub packets: bool,
 }
 
 const fn variant(name: &'static str, gather: Gather) -> Variant {
-    Variant { name, gather, intervals: false, cost_spp: None, ledgers: false }
+    Variant { name, gather, intervals: false, cost_spp: None, ledgers: false, packets: true }
 }
 
 /// Counting without the clock: the kernel behind `rays`, `intersection`, `shading` and `cause`, which differ only in what
@@ -67,11 +69,19 @@ const fn variant(name: &'static str, gather: Gather) -> Variant {
 const COUNTERS: Gather = Gather { time: false, ..Gather::ALL };
 const CLOCK: Gather = Gather { cost: false, ..Gather::ALL };
 
-/// The metric groups, from none to everything. The first is the baseline.
-pub const VARIANTS: [Variant; 7] = [
-    variant("none", Gather::RADIANCE),
+/// A render that counts nothing: what uncounted samples cost.
+pub const PLAIN: Variant = variant("none: camera rays in packets", Gather::RADIANCE);
+
+/// A render that counts, without the clock and without ledgers.
+pub const COUNTING: Variant = variant("rays, intersection, shading, cause", COUNTERS);
+
+/// The metric groups, from none to everything. The first is the baseline: the very loop that the others run, which traces camera
+/// rays one at a time since each has counts of its own.
+pub const VARIANTS: [Variant; 8] = [
+    Variant { packets: false, ..variant("none, camera rays one at a time", Gather::RADIANCE) },
+    PLAIN,
     variant("time", CLOCK),
-    variant("rays, intersection, shading, cause", COUNTERS),
+    COUNTING,
     variant("the same and time", Gather::ALL),
     Variant { ledgers: true, ..variant("all: with ledgers", Gather::ALL) },
     Variant { ledgers: true, intervals: true, ..variant("all, --intervals", Gather::ALL) },
@@ -99,5 +109,6 @@ pub fn run(subject: &Subject, size: u32, spp: u32, variant: &Variant) -> Rendere
     settings.intervals = variant.intervals;
     settings.cost_spp = variant.cost_spp;
     settings.ledgers = variant.ledgers;
+    settings.packets = variant.packets;
     render(&subject.scene, &subject.camera, &settings, Control::default())
 }

@@ -5,6 +5,7 @@
 
 use crate::class::{Class, Feature, has};
 use crate::cutout::Cutouts;
+use crate::kernel::Kernel;
 use crate::sampler::Sampler;
 use crate::scene::RenderScene;
 use hotspot_bvh::simd::Simd;
@@ -37,13 +38,15 @@ pub(crate) fn closest_hit<S: Simd, R: RayProbe, C: Class>(
 #[inline(always)]
 pub(crate) fn closest_hits<'a, S: Simd, C: Class>(
     simd: S,
-    scene: &RenderScene,
+    kernel: &Kernel<'_>,
     rays: &[Ray],
     sampler: impl Fn(usize) -> Sampler<'a>,
     hits: &mut [Option<Hit>],
 ) {
+    let scene = kernel.scene;
     let cutouts = has::<C>(Feature::Cutouts) && scene.cutouts.any();
-    if cutouts || has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
+    let instances = has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0;
+    if cutouts || instances || !kernel.packets {
         for (place, (ray, hit)) in rays.iter().zip(hits).enumerate() {
             *hit = closest_hit::<S, _, C>(simd, scene, ray, &sampler(place), 0, NoProbe);
         }

@@ -110,13 +110,15 @@ pub enum Feature {
     EnvironmentMaps,
     /// Lights without area.
     PunctualLights,
+    /// All of these together: what is left is the class alone.
+    Every,
 }
 
 /// Whether kernels of a class do this.
 #[inline(always)]
 pub(crate) const fn has<C: Class>(feature: Feature) -> bool {
     match C::WITHOUT {
-        Some(without) => without as u8 != feature as u8,
+        Some(without) => without as u8 != feature as u8 && without as u8 != Feature::Every as u8,
         None => true,
     }
 }
@@ -124,7 +126,7 @@ pub(crate) const fn has<C: Class>(feature: Feature) -> bool {
 #[cfg(hotspot_ablation)]
 impl Feature {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Cutouts,
         Self::Instances,
         Self::NormalMaps,
@@ -135,6 +137,7 @@ impl Feature {
         Self::Mixes,
         Self::EnvironmentMaps,
         Self::PunctualLights,
+        Self::Every,
     ];
 }
 

@@ -69,6 +69,8 @@ pub(crate) struct Kernel<'a> {
     pub(crate) clock: bool,
     /// Who pays for what, where ledgers are gathered.
     pub(crate) payers: Option<&'a Payers>,
+    /// Whether camera rays that are not counted go in packets.
+    pub(crate) packets: bool,
 }
 
 /// A tile and the samples to take of each of its pixels.
@@ -137,7 +139,8 @@ impl TileJob<'_> {
             6 => self.class_without::<S, 6>(simd),
             7 => self.class_without::<S, 7>(simd),
             8 => self.class_without::<S, 8>(simd),
-            _ => self.class_without::<S, 9>(simd),
+            9 => self.class_without::<S, 9>(simd),
+            _ => self.class_without::<S, 10>(simd),
         }
     }
 
@@ -327,7 +330,7 @@ fn camera_hits<S: Simd, C: Class>(
                 count += 1;
             }
             let keys = |place: usize| sampler.sample(indices.start + place as u64);
-            closest_hits::<S, C>(simd, kernel.scene, &rays[..count], keys, &mut hits[..count]);
+            closest_hits::<S, C>(simd, kernel, &rays[..count], keys, &mut hits[..count]);
             for (at, hit) in starts.iter_mut().zip(hits) {
                 at.hit = hit;
             }

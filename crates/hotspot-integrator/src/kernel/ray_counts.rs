@@ -181,6 +181,7 @@ fn check(name: &str, scene: &Scene, instancing: Instancing) -> Held {
         radiance: true,
         clock: false,
         payers: None,
+        packets: true,
     };
     let mut held = Held::default();
     for (x, y) in frame.pixels() {
