@@ -1,20 +1,16 @@
-//! From triangles to a tree: obvhs builds the binary tree, [`crate::collapse`] makes it wide.
+//! From triangles to a tree: [`crate::ploc`] builds a binary one with a primitive per leaf, [`crate::reinsertion`] betters it,
+//! [`crate::collapse`] makes it wide.
 //!
-//! obvhs only decides the topology; all boxes are computed here from the vertices, so that their exactness does not
-//! depend on it. It is built without its `parallel` feature: its parallel sorts are unstable, and the tree must not
-//! depend on the number of threads.
+//! Boxes are minima and maxima of coordinates all the way, hence exact. Where coordinates are so large that areas would
+//! overflow, or the tree is a shuffled one, the first two see scaled and turned boxes and only decide the topology.
 
-use crate::collapse::{BinaryNode, BinaryTree, Primitives, WideTree, collapse};
+use crate::binary::BinaryNode;
+use crate::collapse::{Primitives, WideTree, collapse};
 use crate::instance::{Instance, Placed};
 use crate::node::{Bounds, Child};
 use crate::shuffle::Shuffle;
 use crate::simd::Isa;
-use crate::{Bvh, BvhError};
-use glam::Vec3A;
-use obvhs::BvhBuildParams;
-use obvhs::aabb::Aabb;
-use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
-use obvhs::ploc::PlocBuilder;
+use crate::{Bvh, BvhError, ploc, reinsertion, tasks};
 
 /// How much time to spend on the tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -38,13 +34,21 @@ impl Quality {
         }
     }
 
-    const fn parameters(self) -> BvhBuildParams {
+    const fn parameters(self) -> Parameters {
         match self {
-            Self::Fast => BvhBuildParams::very_fast_build(),
-            Self::Medium => BvhBuildParams::medium_build(),
-            Self::High => BvhBuildParams::slow_build(),
+            Self::Fast => Parameters { distance: 2, reinserted: 0.01 },
+            Self::Medium => Parameters { distance: 6, reinserted: 0.05 },
+            Self::High => Parameters { distance: 14, reinserted: 0.2 },
         }
     }
+}
+
+/// What a quality stands for.
+struct Parameters {
+    /// How far nodes search for a neighbour to merge with.
+    distance: usize,
+    /// The share of nodes that are moved to a better place in the first round.
+    reinserted: f32,
 }
 
 /// How to build and traverse.
@@ -60,7 +64,7 @@ pub struct BuildOptions {
     pub shuffle: Option<u64>,
 }
 
-/// obvhs computes areas in f32; coordinates up to this keep them finite. Larger scenes are scaled for the topology.
+/// Topologies are chosen by areas in f32; coordinates up to this keep them finite. Larger scenes are scaled for the topology.
 const SAFE_COORDINATE: f32 = 1e15;
 
 pub(crate) fn build<M: AsRef<[[[f32; 3]; 3]]>>(
@@ -124,54 +128,59 @@ pub(crate) fn build<M: AsRef<[[[f32; 3]; 3]]>>(
 }
 
 fn check(triangles: &[[[f32; 3]; 3]], mesh: Option<usize>) -> Result<(), BvhError> {
-    match triangles.iter().position(|t| !t.iter().flatten().all(|c| c.is_finite())) {
+    let finite = |t: &[[f32; 3]; 3]| t.iter().flatten().all(|c| c.is_finite());
+    // Without an early end, so that it is a loop of vectors.
+    let all = |chunk: &[[[f32; 3]; 3]]| {
+        chunk.as_flattened().as_flattened().iter().fold(true, |all, c| all & c.is_finite())
+    };
+    if tasks::fold(triangles, || true, all, |a, b| a && b) {
+        return Ok(());
+    }
+    match triangles.iter().position(|t| !finite(t)) {
         Some(triangle) => Err(BvhError::NotFinite { mesh, triangle }),
         None => Ok(()),
     }
 }
 
+/// The tree over triangles and, numbered behind them, instances.
 fn wide_tree(triangles: &[[[f32; 3]; 3]], instances: &[Bounds], options: BuildOptions) -> WideTree {
-    let mut bounds = Vec::with_capacity(triangles.len() + instances.len());
-    bounds.extend(triangles.iter().map(|t| Bounds::of_points(t)));
-    bounds.extend_from_slice(instances);
-    let largest = bounds.iter().flat_map(|b| [b.min, b.max]).flatten().fold(0.0f32, |m, c| m.max(c.abs()));
-    // A power of two, so that scaling does not round.
-    let mut scale = 1.0f32;
-    while largest * scale > SAFE_COORDINATE {
-        scale *= 1.0 / 1024.0;
-    }
-    let boxes: Vec<Aabb> = bounds
-        .iter()
-        .map(|b| Aabb::new(Vec3A::from_array(b.min) * scale, Vec3A::from_array(b.max) * scale))
-        .collect();
-    let parameters = options.quality.parameters();
-    let binary = match options.shuffle {
-        None => binary_tree(&boxes, parameters),
-        Some(seed) => {
-            let shuffle = Shuffle::new(seed, boxes.len());
-            shuffle.undo(binary_tree(&shuffle.boxes(&boxes), parameters))
-        }
+    let bounds = |primitive: u32| match triangles.get(primitive as usize) {
+        Some(triangle) => Bounds::of_points(triangle),
+        None => instances[primitive as usize - triangles.len()],
     };
-    collapse(&binary, Primitives { triangles, bounds: &bounds })
+    let mut leaves = tasks::map(triangles, |i, t| BinaryNode::leaf(&Bounds::of_points(t), i as u32));
+    leaves.extend(
+        instances.iter().zip(triangles.len() as u32..).map(|(bounds, i)| BinaryNode::leaf(bounds, i)),
+    );
+    let parameters = options.quality.parameters();
+    let largest = tasks::fold(&leaves, || 0.0, largest_coordinate, f32::max);
+    let as_they_are = largest <= SAFE_COORDINATE && options.shuffle.is_none();
+    if !as_they_are {
+        // A power of two, so that scaling does not round.
+        let mut scale = 1.0f32;
+        while largest * scale > SAFE_COORDINATE {
+            scale *= 1.0 / 1024.0;
+        }
+        let shuffle = options.shuffle.map(|seed| Shuffle::new(seed, leaves.len()));
+        let order = |place: u32| shuffle.as_ref().map_or(place, |s| s.order()[place as usize]);
+        let turned = |b: &Bounds| shuffle.as_ref().map_or(*b, |s| s.turned(b));
+        leaves = tasks::map(&leaves, |place, _| {
+            let primitive = order(place as u32);
+            BinaryNode::leaf(&turned(&bounds(primitive)).scaled(scale), primitive)
+        });
+    }
+    let mut nodes = ploc::build(leaves, parameters.distance);
+    reinsertion::optimize(&mut nodes, parameters.reinserted);
+    if !as_they_are {
+        for node in &mut nodes {
+            if node.pair().is_none() {
+                node.set_bounds(&bounds(node.primitive()));
+            }
+        }
+    }
+    collapse(&nodes, Primitives { triangles })
 }
 
-fn binary_tree(boxes: &[Aabb], parameters: BvhBuildParams) -> BinaryTree {
-    if boxes.is_empty() {
-        return BinaryTree { nodes: Vec::new(), order: Vec::new() };
-    }
-    let mut bvh2 = PlocBuilder::with_capacity(boxes.len()).build(
-        parameters.ploc_search_distance,
-        boxes,
-        (0..boxes.len() as u32).collect(),
-        parameters.sort_precision,
-        parameters.search_depth_threshold,
-    );
-    // One triangle per leaf, no collapse: the wide collapse wants all the freedom it can get. The second reinsertion
-    // pass of obvhs's presets follows its own collapse; its share is added to the first.
-    let ratio = parameters.reinsertion_batch_ratio;
-    ReinsertionOptimizer::default().run(&mut bvh2, ratio, None);
-    BinaryTree {
-        nodes: bvh2.nodes.iter().map(|n| BinaryNode { first: n.first_index, count: n.prim_count }).collect(),
-        order: bvh2.primitive_indices,
-    }
+fn largest_coordinate(leaves: &[BinaryNode]) -> f32 {
+    leaves.iter().fold(0.0, |largest, leaf| leaf.largest_coordinate().max(largest))
 }

@@ -6,8 +6,10 @@
 //! forest of at most 8. Costs are surface areas times [`NODE_COST`] or [`BLOCK_COST`]: a block costs the same however
 //! full it is, since its lanes are tested at once. An instance is a leaf of its own.
 
+use crate::binary::BinaryNode;
 use crate::huge;
 use crate::node::{Bounds, Child, Node};
+use crate::tasks;
 use crate::triangle::{Block, LANES};
 use core::hint::select_unpredictable;
 
@@ -19,20 +21,6 @@ const BLOCK_COST: f64 = 0.9;
 const INSTANCE_COST: f64 = 3.0;
 /// Children per wide node.
 const WIDTH: usize = 8;
-
-/// A binary tree: children of an inner node are `first` and `first + 1`; a leaf holds the primitives
-/// `order[first..first + count]`.
-pub(crate) struct BinaryTree {
-    pub(crate) nodes: Vec<BinaryNode>,
-    pub(crate) order: Vec<u32>,
-}
-
-/// A node of the binary tree; `count` is 0 for inner nodes.
-#[derive(Clone, Copy)]
-pub(crate) struct BinaryNode {
-    pub(crate) first: u32,
-    pub(crate) count: u32,
-}
 
 /// The wide tree.
 #[derive(Default)]
@@ -107,8 +95,6 @@ impl Plan {
 #[derive(Clone, Copy)]
 pub(crate) struct Primitives<'a> {
     pub(crate) triangles: &'a [[[f32; 3]; 3]],
-    /// Of triangles and then of instances.
-    pub(crate) bounds: &'a [Bounds],
 }
 
 impl Primitives<'_> {
@@ -117,51 +103,31 @@ impl Primitives<'_> {
     }
 }
 
-/// Collapses `tree` over `primitives`.
-pub(crate) fn collapse(tree: &BinaryTree, primitives: Primitives<'_>) -> WideTree {
-    if tree.order.is_empty() {
+/// Collapses the binary tree `nodes` over `primitives`.
+pub(crate) fn collapse(nodes: &[BinaryNode], primitives: Primitives<'_>) -> WideTree {
+    if nodes.is_empty() {
         return WideTree { nodes: Vec::new(), blocks: Vec::new(), root: Child::EMPTY, bounds: Bounds::EMPTY };
     }
-    let planned = plan(tree, primitives);
-    Emitter { tree, primitives, planned: &planned }.run()
+    let planned = plan(nodes, primitives);
+    Emitter { primitives, planned: &planned }.run()
 }
 
-fn leaf_primitives(tree: &BinaryTree, node: BinaryNode) -> &[u32] {
-    &tree.order[node.first as usize..(node.first + node.count) as usize]
-}
-
-/// Node indices, every child before its parent and left subtrees before right ones, without recursion: hostile geometry makes
-/// deep trees.
-fn children_first(tree: &BinaryTree) -> Vec<u32> {
-    let mut order = Vec::with_capacity(tree.nodes.len());
-    let mut stack = vec![0u32];
-    while let Some(n) = stack.pop() {
-        order.push(n);
-        let node = tree.nodes[n as usize];
-        if node.count == 0 {
-            stack.extend([node.first, node.first + 1]);
-        }
-    }
-    order.reverse();
-    order
-}
-
-/// A binary node with what was decided about it. They stand in the order of [`children_first`], so that both passes go through
-/// memory from one end to the other: the right child is the one before its parent, the left one before all of the right
-/// subtree, and a subtree's leaves lie side by side.
+/// A binary node with what was decided about it. Every child stands before its parent and left subtrees before right ones, so
+/// that both passes go through memory from one end to the other: the right child is the one before its parent, the left one
+/// before all of the right subtree, and a subtree's leaves lie side by side.
 #[derive(Clone, Copy)]
 struct Planned {
     bounds: Bounds,
     plan: Plan,
     /// Nodes of the subtree, this one included; 1: a leaf.
     length: u32,
-    /// Its index in the binary tree.
-    node: u32,
+    /// Of a leaf.
+    primitive: u32,
 }
 
 /// What a parent needs to know of a child.
 struct Waiting {
-    /// Costs of a forest of at most i + 1 wide subtrees.
+    /// Costs of a forest of at most i + 1 wide subtrees, i below `most`.
     cost: [f64; WIDTH - 1],
     bounds: Bounds,
     /// Triangles below; more than a block holds where there is an instance.
@@ -171,67 +137,49 @@ struct Waiting {
     most: usize,
 }
 
-fn plan(tree: &BinaryTree, primitives: Primitives<'_>) -> Vec<Planned> {
-    let order = children_first(tree);
-    let mut planned = Vec::with_capacity(order.len());
-    // Nodes whose parent's turn is still to come. Parents follow upon the subtrees of their children, so the last two are the
-    // node's children.
+/// Without recursion: hostile geometry makes deep trees.
+fn plan(nodes: &[BinaryNode], primitives: Primitives<'_>) -> Vec<Planned> {
+    /// In place of a node: its children's turn is over, now it is the parent's.
+    const PARENT: u32 = u32::MAX;
+    let mut planned = huge::with_capacity(nodes.len() - 1);
+    let mut open = vec![0u32];
+    // Nodes whose parent's turn is still to come; the last two are the children of the next parent.
     let mut waiting: Vec<Waiting> = Vec::new();
-    for n in order {
-        let node = tree.nodes[n as usize];
-        let mut plan = Plan { leaf: true, ..Plan::default() };
-        let children =
-            if node.count > 0 { None } else { waiting.pop().and_then(|r| Some((waiting.pop()?, r))) };
-        let this = if let Some((l, r)) = children {
-            let (bounds, size) = (l.bounds.union(&r.bounds), l.size.saturating_add(r.size));
-            let area = bounds.half_area();
-            let forest = cheapest_forests(&l, &r, &mut plan);
-            let as_block = block_cost(area, size);
-            let as_node = area * NODE_COST + forest[WIDTH];
-            plan.leaf = as_block <= as_node;
-            let single = as_block.min(as_node);
-            let mut cost = [single; WIDTH - 1];
-            for (cost, &forest) in cost[1..].iter_mut().zip(&forest[2..]) {
-                *cost = single.min(forest);
+    while let Some(place) = open.pop() {
+        let mut plan = Plan { leaf: true, single: !0, left: 0 };
+        let mut primitive = 0;
+        let this = if place != PARENT {
+            let node = &nodes[place as usize];
+            if let Some(pair) = node.pair() {
+                open.extend([PARENT, 2 * pair + 1, 2 * pair]);
+                continue;
             }
-            Waiting {
-                cost,
-                bounds,
-                size,
-                length: l.length + r.length + 1,
-                most: (l.most + r.most).min(WIDTH),
-            }
+            primitive = node.primitive();
+            leaf(node.bounds(), primitives.instance(primitive).is_some())
+        } else if let (Some(r), Some(l)) = (waiting.pop(), waiting.pop()) {
+            joined(&l, &r, &mut plan)
         } else {
-            let (mut bounds, mut size) = (Bounds::EMPTY, 0);
-            for &primitive in leaf_primitives(tree, node) {
-                bounds = bounds.union(&primitives.bounds[primitive as usize]);
-                size += if primitives.instance(primitive).is_some() { LANES as u32 + 1 } else { 1 };
-            }
-            let area = bounds.half_area();
-            let as_block = block_cost(area, size);
-            let cost = [as_block.min(area * INSTANCE_COST); WIDTH - 1];
-            Waiting { cost, bounds, size, length: 1, most: 1 }
+            break;
         };
-        for count in 1..WIDTH {
-            plan.single |= u8::from(this.cost[0] <= this.cost[count - 1]) << count;
-        }
-        planned.push(Planned { bounds: this.bounds, plan, length: this.length, node: n });
+        planned.push(Planned { bounds: this.bounds, plan, length: this.length, primitive });
         waiting.push(this);
     }
     planned
 }
 
-/// The cost of a leaf block for so many triangles; infinite where they do not fit.
-fn block_cost(area: f64, triangles: u32) -> f64 {
-    if triangles as usize <= LANES { area * BLOCK_COST } else { f64::INFINITY }
+fn leaf(bounds: Bounds, instance: bool) -> Waiting {
+    let cost = bounds.half_area() * if instance { INSTANCE_COST } else { BLOCK_COST };
+    let size = if instance { LANES as u32 + 1 } else { 1 };
+    Waiting { cost: [cost; WIDTH - 1], bounds, size, length: 1, most: 1 }
 }
 
-/// Costs of the cheapest forests of at most i subtrees, i in 2..=8, that are shared out between two children; how goes into
-/// `plan`.
-fn cheapest_forests(l: &Waiting, r: &Waiting, plan: &mut Plan) -> [f64; WIDTH + 1] {
+/// Two children's parent, and how it is made of them.
+fn joined(l: &Waiting, r: &Waiting, plan: &mut Plan) -> Waiting {
+    let (bounds, size) = (l.bounds.union(&r.bounds), l.size.saturating_add(r.size));
+    let most = (l.most + r.most).min(WIDTH);
+    // Of at most i subtrees that are shared out between the children, i in 2..=most.
     let mut forest = [f64::INFINITY; WIDTH + 1];
-    let mut lefts = [0; WIDTH + 1];
-    for count in 2..=(l.most + r.most).min(WIDTH) {
+    for count in 2..=most {
         let (mut cheapest, mut best) = (f64::INFINITY, 0);
         for left in count.saturating_sub(r.most).max(1)..=l.most.min(count - 1) {
             let cost = l.cost[left - 1] + r.cost[count - left - 1];
@@ -240,19 +188,33 @@ fn cheapest_forests(l: &Waiting, r: &Waiting, plan: &mut Plan) -> [f64; WIDTH + 
             best = select_unpredictable(better, left, best);
             cheapest = select_unpredictable(better, cost, cheapest);
         }
-        (forest[count], lefts[count]) = (cheapest, best);
+        // Or fewer of them.
+        let fewer = forest[count - 1] <= cheapest;
+        forest[count] = select_unpredictable(fewer, forest[count - 1], cheapest);
+        plan.set_left(count, select_unpredictable(fewer, 0, best));
     }
-    // The cheapest forest of at most so many.
-    for count in 3..=WIDTH {
-        if forest[count - 1] <= forest[count] {
-            forest[count] = forest[count - 1];
-            lefts[count] = 0;
-        }
+    let area = bounds.half_area();
+    let as_block = block_cost(area, size);
+    let as_node = area * NODE_COST + forest[most];
+    plan.leaf = as_block <= as_node;
+    let single = as_block.min(as_node);
+    let mut cost = [single; WIDTH - 1];
+    plan.single = 0b10;
+    for count in 2..=most.min(WIDTH - 1) {
+        plan.single |= u8::from(single <= forest[count]) << count;
+        cost[count - 1] = single.min(forest[count]);
     }
-    for (count, left) in lefts.into_iter().enumerate().skip(2) {
-        plan.set_left(count, left);
+    // With more allowed, it is as with `most`.
+    let last = most.min(WIDTH - 1);
+    if plan.single(last) {
+        plan.single |= !0 << last;
     }
-    forest
+    Waiting { cost, bounds, size, length: l.length + r.length + 1, most }
+}
+
+/// The cost of a leaf block for so many triangles; infinite where they do not fit.
+fn block_cost(area: f64, triangles: u32) -> f64 {
+    if triangles as usize <= LANES { area * BLOCK_COST } else { f64::INFINITY }
 }
 
 /// A wide node to be.
@@ -282,7 +244,6 @@ impl Places {
 }
 
 struct Emitter<'a> {
-    tree: &'a BinaryTree,
     primitives: Primitives<'a>,
     planned: &'a [Planned],
 }
@@ -323,8 +284,8 @@ impl Emitter<'_> {
             Child::node(0)
         };
         let mut tree = WideTree { root, bounds, ..WideTree::with_capacity(shapes.len(), leaves.len()) };
-        tree.nodes.extend(shapes.iter().map(|shape| self.node(shape)));
-        tree.blocks.extend(leaves.iter().map(|&place| self.block(place as usize)));
+        tasks::map_into(&mut tree.nodes, &shapes, |_, shape| self.node(shape));
+        tasks::map_into(&mut tree.blocks, &leaves, |_, &place| self.block(place as usize));
         tree
     }
 
@@ -387,11 +348,8 @@ impl Emitter<'_> {
 
     /// The instance that a place is, if it is one.
     fn instance(&self, place: usize) -> Option<u32> {
-        let node = self.tree.nodes[self.planned[place].node as usize];
-        if node.count == 0 {
-            return None;
-        }
-        self.primitives.instance(*leaf_primitives(self.tree, node).first()?)
+        let planned = &self.planned[place];
+        if planned.length == 1 { self.primitives.instance(planned.primitive) } else { None }
     }
 
     /// An instance, or the next block.
@@ -418,9 +376,7 @@ impl Emitter<'_> {
     fn block(&self, place: usize) -> Block {
         let first = place + 1 - self.planned[place].length as usize;
         let leaves = self.planned[first..=place].iter().filter(|planned| planned.length == 1);
-        let primitives =
-            leaves.flat_map(|leaf| leaf_primitives(self.tree, self.tree.nodes[leaf.node as usize]));
-        Block::new(primitives.map(|&p| (p, self.primitives.triangles[p as usize])))
+        Block::new(leaves.map(|leaf| (leaf.primitive, self.primitives.triangles[leaf.primitive as usize])))
     }
 }
 
@@ -437,52 +393,55 @@ mod tests {
         ((z ^ (z >> 31)) >> 33) as u32 % limit
     }
 
-    /// Splits `order[range]`, primitives of node `n`, at random.
-    fn grow(nodes: &mut Vec<BinaryNode>, n: usize, range: core::ops::Range<u32>, state: &mut u64) {
-        if range.len() == 1 {
-            nodes[n] = BinaryNode { first: range.start, count: 1 };
-            return;
+    /// A node over `leaves`, split at random; its children, if any, are pushed onto `nodes`.
+    fn grow(nodes: &mut Vec<BinaryNode>, leaves: &[BinaryNode], state: &mut u64) -> BinaryNode {
+        if let [leaf] = leaves {
+            return *leaf;
         }
-        let middle = range.start + 1 + random(state, range.len() as u32 - 1);
-        let first = nodes.len();
-        nodes[n] = BinaryNode { first: first as u32, count: 0 };
-        nodes.extend([BinaryNode { first: 0, count: 0 }; 2]);
-        grow(nodes, first, range.start..middle, state);
-        grow(nodes, first + 1, middle..range.end, state);
+        let (left, right) = leaves.split_at(1 + random(state, leaves.len() as u32 - 1) as usize);
+        let pair = nodes.len();
+        nodes.extend([BinaryNode::EMPTY; 2]);
+        nodes[pair] = grow(nodes, left, state);
+        nodes[pair + 1] = grow(nodes, right, state);
+        BinaryNode::parent_of(&nodes[pair], &nodes[pair + 1], pair as u32 / 2)
     }
 
     /// Box and primitives below a node.
-    fn below(tree: &BinaryTree, bounds: &[Bounds], n: usize) -> (Bounds, Vec<u32>) {
-        let node = tree.nodes[n];
-        if node.count > 0 {
-            let own = leaf_primitives(tree, node).to_vec();
-            return (own.iter().fold(Bounds::EMPTY, |b, p| b.union(&bounds[*p as usize])), own);
-        }
-        let [(a, mut left), (b, right)] = [0, 1].map(|i| below(tree, bounds, node.first as usize + i));
+    fn below(nodes: &[BinaryNode], bounds: &[Bounds], n: usize) -> (Bounds, Vec<u32>) {
+        let Some(pair) = nodes[n].pair() else {
+            let primitive = nodes[n].primitive();
+            return (bounds[primitive as usize], vec![primitive]);
+        };
+        let [(a, mut left), (b, right)] = [0, 1].map(|i| below(nodes, bounds, 2 * pair as usize + i));
         left.extend(right);
         (a.union(&b), left)
     }
 
     /// The least cost of a forest of at most `most` wide subtrees below node `n`, by trying everything.
-    fn least(tree: &BinaryTree, p: Primitives<'_>, n: usize, most: usize, known: &mut [[f64; 9]]) -> f64 {
+    fn least(
+        tree: (&[BinaryNode], &[Bounds], Primitives<'_>),
+        n: usize,
+        most: usize,
+        known: &mut [[f64; 9]],
+    ) -> f64 {
         if known[n][most].is_nan() {
-            let node = tree.nodes[n];
-            let (bounds, own) = below(tree, p.bounds, n);
+            let (nodes, bounds, p) = tree;
+            let (bounds, own) = below(nodes, bounds, n);
             let area = bounds.half_area();
             let instances = own.iter().any(|i| p.instance(*i).is_some());
             let mut cost = if !instances && own.len() <= LANES { area * BLOCK_COST } else { f64::INFINITY };
-            if node.count > 0 {
-                cost = cost.min(area * INSTANCE_COST);
-            } else {
-                let first = node.first as usize;
+            if let Some(pair) = nodes[n].pair() {
+                let first = 2 * pair as usize;
                 let mut share = |most: usize| {
                     (1..most)
                         .map(|left| {
-                            least(tree, p, first, left, known) + least(tree, p, first + 1, most - left, known)
+                            least(tree, first, left, known) + least(tree, first + 1, most - left, known)
                         })
                         .fold(f64::INFINITY, f64::min)
                 };
                 cost = cost.min(area * NODE_COST + share(WIDTH)).min(share(most));
+            } else {
+                cost = cost.min(area * INSTANCE_COST);
             }
             known[n][most] = cost;
         }
@@ -505,14 +464,14 @@ mod tests {
                 let mut corner = || core::array::from_fn(|_| random(&mut state, 1000) as f32);
                 bounds.push(Bounds::of_points(&[corner(), [500.0; 3]]));
             }
-            let primitives = Primitives { triangles: &triangles, bounds: &bounds };
-            let mut order: Vec<u32> = (0..count).collect();
+            let primitives = Primitives { triangles: &triangles };
+            let mut leaves: Vec<_> = bounds.iter().zip(0..).map(|(b, i)| BinaryNode::leaf(b, i)).collect();
             for last in (1..count).rev() {
-                order.swap(last as usize, random(&mut state, last + 1) as usize);
+                leaves.swap(last as usize, random(&mut state, last + 1) as usize);
             }
-            let mut tree = BinaryTree { nodes: vec![BinaryNode { first: 0, count: 0 }], order };
-            grow(&mut tree.nodes, 0, 0..count, &mut state);
-            let wide = collapse(&tree, primitives);
+            let mut nodes = vec![BinaryNode::EMPTY; 2];
+            nodes[0] = grow(&mut nodes, &leaves, &mut state);
+            let wide = collapse(&nodes, primitives);
 
             let mut seen: Vec<u32> = Vec::new();
             let mut cost = 0.0;
@@ -537,8 +496,8 @@ mod tests {
             }
             seen.sort_unstable();
             assert_eq!(seen, (0..count).collect::<Vec<_>>(), "round {round}");
-            let mut known = vec![[f64::NAN; 9]; tree.nodes.len()];
-            let least = least(&tree, primitives, 0, 1, &mut known);
+            let mut known = vec![[f64::NAN; 9]; nodes.len()];
+            let least = least((&nodes, &bounds, primitives), 0, 1, &mut known);
             assert!((cost / least - 1.0).abs() < 1e-9, "round {round}: {cost} where {least} would do");
         }
     }
