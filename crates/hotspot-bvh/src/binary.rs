@@ -34,6 +34,14 @@ impl BinaryNode {
         Self { low: Vec4::new(a, b, c, link(primitive, true)), high: Vec4::new(d, e, f, link(0, false)) }
     }
 
+    /// The leaf of a triangle.
+    #[inline(always)]
+    pub(crate) fn of_triangle(triangle: &[[f32; 3]; 3], primitive: u32) -> Self {
+        let [a, b, c] = triangle.map(|[x, y, z]| Vec4::new(x, y, z, 0.0));
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        Self { low: low.with_w(link(primitive, true)), high: high.with_w(link(0, false)) }
+    }
+
     /// The parent of two nodes that stand at `pair`.
     #[inline(always)]
     pub(crate) fn parent_of(left: &Self, right: &Self, pair: u32) -> Self {
@@ -58,10 +66,6 @@ impl BinaryNode {
     pub(crate) fn set_bounds(&mut self, bounds: &Bounds) {
         let fresh = Self::leaf(bounds, 0);
         (self.low, self.high) = (fresh.low.with_w(self.low.w), fresh.high.with_w(self.high.w));
-    }
-
-    pub(crate) fn largest_coordinate(&self) -> f32 {
-        self.low.truncate().abs().max(self.high.truncate().abs()).max_element()
     }
 
     pub(crate) fn bounds(&self) -> Bounds {

@@ -11,6 +11,7 @@ use crate::node::{Bounds, Child};
 use crate::shuffle::Shuffle;
 use crate::simd::Isa;
 use crate::{Bvh, BvhError, ploc, reinsertion, tasks};
+use core::ops::Range;
 
 /// How much time to spend on the tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -81,14 +82,14 @@ pub(crate) fn build<M: AsRef<[[[f32; 3]; 3]]>>(
     if total >= Child::LIMIT as usize {
         return Err(BvhError::TooManyInstances { count: instances.len() });
     }
-    check(triangles, None)?;
+    let mut largest = check(triangles, None)?;
     let mut tree = WideTree::default();
     // Each mesh's root, and boxes that enclose it between them.
     let mut roots = Vec::with_capacity(meshes.len());
     for (index, mesh) in meshes.iter().enumerate() {
         let mesh = mesh.as_ref();
-        check(mesh, Some(index))?;
-        let part = wide_tree(mesh, &[], options);
+        let largest = check(mesh, Some(index))?;
+        let part = wide_tree(mesh, &[], largest, options);
         let boxes = part.boxes_near_the_root();
         roots.push((tree.append(part), boxes));
     }
@@ -103,7 +104,10 @@ pub(crate) fn build<M: AsRef<[[[f32; 3]; 3]]>>(
         placed.push(instance.ok_or(BvhError::NotInvertible { instance: index })?);
     }
     let bounds: Vec<Bounds> = placed.iter().map(|p| p.bounds).collect();
-    let top = wide_tree(triangles, &bounds, options);
+    for b in &bounds {
+        largest = b.min.iter().chain(&b.max).fold(largest, |largest, c| largest.max(c.abs()));
+    }
+    let top = wide_tree(triangles, &bounds, largest, options);
     let bounds = top.bounds;
     let (whole, root) = if tree.blocks.is_empty() {
         let root = top.root;
@@ -127,60 +131,65 @@ pub(crate) fn build<M: AsRef<[[[f32; 3]; 3]]>>(
     })
 }
 
-fn check(triangles: &[[[f32; 3]; 3]], mesh: Option<usize>) -> Result<(), BvhError> {
-    let finite = |t: &[[f32; 3]; 3]| t.iter().flatten().all(|c| c.is_finite());
-    // Without an early end, so that it is a loop of vectors.
-    let all = |chunk: &[[[f32; 3]; 3]]| {
-        chunk.as_flattened().as_flattened().iter().fold(true, |all, c| all & c.is_finite())
+/// The largest magnitude of a coordinate.
+fn check(triangles: &[[[f32; 3]; 3]], mesh: Option<usize>) -> Result<f32, BvhError> {
+    // Magnitudes are in the order of their bits, and what is not finite comes last.
+    let largest_of = |range: Range<u32>| {
+        let coordinates = triangles[range.start as usize..range.end as usize].as_flattened().as_flattened();
+        coordinates.iter().fold(0, |largest, c| (c.to_bits() & i32::MAX as u32).cast_signed().max(largest))
     };
-    if tasks::fold(triangles, || true, all, |a, b| a && b) {
-        return Ok(());
+    let largest = tasks::fold(triangles.len() as u32, || 0, largest_of, i32::max);
+    let largest = f32::from_bits(largest.cast_unsigned());
+    if largest.is_finite() {
+        return Ok(largest);
     }
-    match triangles.iter().position(|t| !finite(t)) {
-        Some(triangle) => Err(BvhError::NotFinite { mesh, triangle }),
-        None => Ok(()),
-    }
+    let triangle = triangles.iter().position(|t| !t.iter().flatten().all(|c| c.is_finite()));
+    Err(BvhError::NotFinite { mesh, triangle: triangle.unwrap_or_default() })
 }
 
-/// The tree over triangles and, numbered behind them, instances.
-fn wide_tree(triangles: &[[[f32; 3]; 3]], instances: &[Bounds], options: BuildOptions) -> WideTree {
+/// The tree over triangles and, numbered behind them, instances, all of whose coordinates are at most `largest` in magnitude.
+fn wide_tree(
+    triangles: &[[[f32; 3]; 3]],
+    instances: &[Bounds],
+    largest: f32,
+    options: BuildOptions,
+) -> WideTree {
+    let count = triangles.len() + instances.len();
     let bounds = |primitive: u32| match triangles.get(primitive as usize) {
         Some(triangle) => Bounds::of_points(triangle),
         None => instances[primitive as usize - triangles.len()],
     };
-    let mut leaves = tasks::map(triangles, |i, t| BinaryNode::leaf(&Bounds::of_points(t), i as u32));
-    leaves.extend(
-        instances.iter().zip(triangles.len() as u32..).map(|(bounds, i)| BinaryNode::leaf(bounds, i)),
-    );
-    let parameters = options.quality.parameters();
-    let largest = tasks::fold(&leaves, || 0.0, largest_coordinate, f32::max);
-    let as_they_are = largest <= SAFE_COORDINATE && options.shuffle.is_none();
-    if !as_they_are {
+    let Parameters { distance, reinserted } = options.quality.parameters();
+    let mut nodes;
+    if largest <= SAFE_COORDINATE && options.shuffle.is_none() {
+        let leaf = |i: u32| match triangles.get(i as usize) {
+            Some(triangle) => BinaryNode::of_triangle(triangle, i),
+            None => BinaryNode::leaf(&bounds(i), i),
+        };
+        nodes = ploc::build(count, leaf, distance);
+        reinsertion::optimize(&mut nodes, reinserted);
+    } else {
         // A power of two, so that scaling does not round.
         let mut scale = 1.0f32;
         while largest * scale > SAFE_COORDINATE {
             scale *= 1.0 / 1024.0;
         }
-        let shuffle = options.shuffle.map(|seed| Shuffle::new(seed, leaves.len()));
-        let order = |place: u32| shuffle.as_ref().map_or(place, |s| s.order()[place as usize]);
-        let turned = |b: &Bounds| shuffle.as_ref().map_or(*b, |s| s.turned(b));
-        leaves = tasks::map(&leaves, |place, _| {
-            let primitive = order(place as u32);
-            BinaryNode::leaf(&turned(&bounds(primitive)).scaled(scale), primitive)
-        });
-    }
-    let mut nodes = ploc::build(leaves, parameters.distance);
-    reinsertion::optimize(&mut nodes, parameters.reinserted);
-    if !as_they_are {
-        for node in &mut nodes {
-            if node.pair().is_none() {
-                node.set_bounds(&bounds(node.primitive()));
-            }
+        let shuffle = options.shuffle.map(|seed| Shuffle::new(seed, count));
+        let leaf = |i: u32| {
+            let (primitive, bounds) = match &shuffle {
+                Some(shuffle) => {
+                    let primitive = shuffle.order()[i as usize];
+                    (primitive, shuffle.turned(&bounds(primitive)))
+                }
+                None => (i, bounds(i)),
+            };
+            BinaryNode::leaf(&bounds.scaled(scale), primitive)
+        };
+        nodes = ploc::build(count, leaf, distance);
+        reinsertion::optimize(&mut nodes, reinserted);
+        for node in nodes.iter_mut().filter(|node| node.pair().is_none()) {
+            node.set_bounds(&bounds(node.primitive()));
         }
     }
     collapse(&nodes, Primitives { triangles })
-}
-
-fn largest_coordinate(leaves: &[BinaryNode]) -> f32 {
-    leaves.iter().fold(0.0, |largest, leaf| leaf.largest_coordinate().max(largest))
 }

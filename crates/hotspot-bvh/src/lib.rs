@@ -31,6 +31,7 @@ mod instance;
 mod node;
 pub mod oracle;
 mod owners;
+mod plan;
 mod ploc;
 mod ray;
 mod reinsertion;

@@ -11,18 +11,27 @@
 use crate::binary::{BinaryNode, link_children};
 use crate::huge;
 use crate::tasks::{self, TASK};
+use core::ops::Range;
 use glam::{DVec3, Vec4};
 use rayon::prelude::*;
 
 /// The longest search distance.
 pub(crate) const FARTHEST: usize = 14;
 
-/// The tree over `leaves`; nodes search `distance` places each way.
-pub(crate) fn build(leaves: Vec<BinaryNode>, distance: usize) -> Vec<BinaryNode> {
-    let mut current = along_the_curve(&leaves);
-    drop(leaves);
-    let mut count = current.len();
-    let mut nodes = huge::filled(BinaryNode::EMPTY, 2 * count);
+/// The tree over `count` leaves, which `leaf` makes, more than once; nodes search `distance` places each way.
+pub(crate) fn build(
+    count: usize,
+    leaf: impl Fn(u32) -> BinaryNode + Sync + Send,
+    distance: usize,
+) -> Vec<BinaryNode> {
+    let keys = along_the_curve(count, &leaf);
+    // What is not yet paired stands at the front and pairs are put at the end. A pass that leaves n of up to 2n nodes leaves
+    // the pairs from place 2n on, so they never meet.
+    let mut nodes = huge::with_capacity(2 * count);
+    tasks::map_into(&mut nodes, &keys, |key| leaf(key.index));
+    drop(keys);
+    nodes.resize(2 * count, BinaryNode::EMPTY);
+    let mut count = count;
     let mut partners = vec![0u32; count];
     let mut next_pair = count;
     let mut stuck = false;
@@ -34,13 +43,13 @@ pub(crate) fn build(leaves: Vec<BinaryNode>, distance: usize) -> Vec<BinaryNode>
                 *partner = (i as u32 ^ 1).min(last);
             }
         } else {
-            find_partners(&current[..count], partners, distance);
+            find_partners(&nodes[..count], partners, distance);
         }
         let before = count;
         count = 0;
         for i in 0..before {
             let partner = partners[i] as usize;
-            let mut node = current[i];
+            let mut node = nodes[i];
             if partners[partner] as usize == i && partner != i {
                 if partner < i {
                     continue;
@@ -48,18 +57,18 @@ pub(crate) fn build(leaves: Vec<BinaryNode>, distance: usize) -> Vec<BinaryNode>
                 next_pair -= 1;
                 let place = 2 * next_pair;
                 nodes[place] = node;
-                nodes[place + 1] = current[partner];
+                nodes[place + 1] = nodes[partner];
                 node = BinaryNode::parent_of(&nodes[place], &nodes[place + 1], next_pair as u32);
                 link_children(&mut nodes, place as u32);
                 link_children(&mut nodes, place as u32 + 1);
             }
-            current[count] = node;
+            nodes[count] = node;
             count += 1;
         }
         stuck = (before - count) * 32 < before;
     }
-    if let (Some(root), Some(&top)) = (nodes.first_mut(), current.first()) {
-        *root = top;
+    if let [_, empty, ..] = &mut nodes[..] {
+        *empty = BinaryNode::EMPTY;
         link_children(&mut nodes, 0);
     }
     nodes
@@ -86,16 +95,25 @@ fn partners_of_chunk<const R: usize>(nodes: &[BinaryNode], first: usize, partner
     let mut best = [u64::MAX; FARTHEST + 1];
     for i in first.saturating_sub(R)..first + partners.len() {
         let node = &nodes[i];
-        let after = &nodes[i + 1..];
-        for d in 1..=R.min(after.len()) {
+        let mut own = best[0];
+        let mut look = |d: usize, other: &BinaryNode| {
             // Areas are not negative, so their bits are in their order.
-            let area = node.half_area_with(&after[d - 1]).to_bits();
+            let area = node.half_area_with(other).to_bits();
             let key = u64::from(area) << 32 | (i ^ (i + d)) as u64;
-            best[0] = best[0].min(key);
+            own = own.min(key);
             best[d] = best[d].min(key);
+        };
+        if let Some(after) = nodes[i + 1..].first_chunk::<R>() {
+            for d in 1..=R {
+                look(d, &after[d - 1]);
+            }
+        } else {
+            for (other, d) in nodes[i + 1..].iter().zip(1..) {
+                look(d, other);
+            }
         }
         if i >= first {
-            partners[i - first] = i as u32 ^ best[0] as u32;
+            partners[i - first] = i as u32 ^ own as u32;
         }
         for d in 0..R {
             best[d] = best[d + 1];
@@ -112,26 +130,27 @@ struct Key {
 }
 
 /// The leaves in the order of a Morton curve through their centres, 21 bits an axis; equals in the order of their coming.
-fn along_the_curve(leaves: &[BinaryNode]) -> Vec<BinaryNode> {
-    let middles = |leaves: &[BinaryNode]| {
-        leaves.iter().fold((Vec4::INFINITY, Vec4::NEG_INFINITY), |(low, high), leaf| {
-            (low.min(leaf.middle()), high.max(leaf.middle()))
+fn along_the_curve(count: usize, leaf: &(impl Fn(u32) -> BinaryNode + Sync + Send)) -> Vec<Key> {
+    let none = || (Vec4::INFINITY, Vec4::NEG_INFINITY);
+    let middles = |range: Range<u32>| {
+        range.fold(none(), |(low, high), i| {
+            let middle = leaf(i).middle();
+            (low.min(middle), high.max(middle))
         })
     };
-    let none = || (Vec4::INFINITY, Vec4::NEG_INFINITY);
-    let (low, high) = tasks::fold(leaves, none, middles, |a, b| (a.0.min(b.0), a.1.max(b.1)));
+    let (low, high) = tasks::fold(count as u32, none, middles, |a, b| (a.0.min(b.0), a.1.max(b.1)));
     let low = low.truncate().as_dvec3();
     const STEPS: f64 = (1u32 << 21) as f64;
     let size = high.truncate().as_dvec3() - low;
     let scale = DVec3::select(size.cmpgt(DVec3::ZERO), STEPS / size, DVec3::ZERO);
-    let mut keys = tasks::map(leaves, |index, leaf| {
-        let at = (leaf.middle().truncate().as_dvec3() - low) * scale;
+    let mut keys = tasks::collect(count as u32, |index| {
+        let at = (leaf(index).middle().truncate().as_dvec3() - low) * scale;
         // The conversion saturates.
         let [x, y, z] = [at.x, at.y, at.z].map(|c| spread((c as u32).min((1 << 21) - 1)));
-        Key { code: x << 2 | y << 1 | z, index: index as u32 }
+        Key { code: x << 2 | y << 1 | z, index }
     });
     sort(&mut keys);
-    tasks::map(&keys, |_, key| leaves[key.index as usize])
+    keys
 }
 
 /// Two zeros between bits, of 21.
@@ -144,44 +163,54 @@ fn spread(x: u32) -> u64 {
     (x | x << 2) & 0x1249_2492_4924_9249
 }
 
-/// By code, equals as they stand: a radix sort from the lowest digit, of 11 bits, up.
+/// By code, then by index: into buckets by the highest bits, which are then sorted side by side.
 fn sort(keys: &mut Vec<Key>) {
-    const BITS: usize = 11;
-    const DIGITS: usize = 6;
-    if keys.len() < 1 << BITS {
-        keys.sort_by_key(|key| key.code);
-        return;
+    // Some hundreds in a bucket, where they are spread evenly.
+    let bits = (keys.len() / 256).max(1).ilog2().min(12);
+    let bucket = |key: &Key| (key.code >> (63 - bits)) as usize;
+    if bits == 0 {
+        return keys.sort_unstable_by_key(|key| (key.code, key.index));
     }
-    let digit = |code: u64, d: usize| (code >> (BITS * d)) as usize & ((1 << BITS) - 1);
-    let mut counts = vec![[0u32; 1 << BITS]; DIGITS];
+    let mut ends = vec![0u32; 1 << bits];
     for key in keys.iter() {
-        for (d, counts) in counts.iter_mut().enumerate() {
-            counts[digit(key.code, d)] += 1;
-        }
+        ends[bucket(key)] += 1;
     }
-    let mut other = huge::filled(Key::default(), keys.len());
-    for (d, starts) in counts.iter_mut().enumerate() {
-        if starts.iter().any(|&count| count as usize == keys.len()) {
-            continue;
-        }
-        let mut start = 0;
-        for count in starts.iter_mut() {
-            start += core::mem::replace(count, start);
-        }
-        for key in keys.iter() {
-            let start = &mut starts[digit(key.code, d)];
-            other[*start as usize] = *key;
-            *start += 1;
-        }
-        core::mem::swap(keys, &mut other);
+    let mut next = ends.clone();
+    let mut start = 0;
+    for next in &mut next {
+        start += core::mem::replace(next, start);
     }
+    let mut sorted = huge::filled(Key::default(), keys.len());
+    for key in keys.iter() {
+        let next = &mut next[bucket(key)];
+        sorted[*next as usize] = *key;
+        *next += 1;
+    }
+    let mut rest = &mut sorted[..];
+    let mut buckets = Vec::with_capacity(ends.len());
+    for count in ends {
+        let (bucket, after) = rest.split_at_mut(count as usize);
+        buckets.push(bucket);
+        rest = after;
+    }
+    let sort = |bucket: &mut &mut [Key]| bucket.sort_unstable_by_key(|key| (key.code, key.index));
+    if tasks::worthwhile(keys.len()) {
+        buckets.par_iter_mut().with_min_len(16).for_each(sort);
+    } else {
+        buckets.iter_mut().for_each(sort);
+    }
+    *keys = sorted;
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::binary::tests::{Boxes, assert_whole, depth, total_area};
     use crate::node::Bounds;
+
+    pub(crate) fn over(leaves: &[BinaryNode], distance: usize) -> Vec<BinaryNode> {
+        build(leaves.len(), |i| leaves[i as usize], distance)
+    }
 
     /// Ties and all, alone and in chunks that three threads share.
     #[test]
@@ -235,8 +264,8 @@ mod tests {
         for (name, bounds) in cases {
             for count in [1u32, 2, 3, 7, 5000] {
                 for distance in [1, 2, FARTHEST] {
-                    let leaves = (0..count).map(|i| BinaryNode::leaf(&bounds(i), i)).collect();
-                    let nodes = build(leaves, distance);
+                    let leaves: Vec<_> = (0..count).map(|i| BinaryNode::leaf(&bounds(i), i)).collect();
+                    let nodes = over(&leaves, distance);
                     assert_eq!(assert_whole(&nodes), count, "{name}");
                     let levels = depth(&nodes);
                     assert!(levels <= 120, "{name} {count} {distance}: {levels} levels");
@@ -263,7 +292,7 @@ mod tests {
             obvhs::bvh2::reinsertion::ReinsertionOptimizer::default().run(&mut bvh2, 0.05, None);
             let inner = bvh2.nodes.iter().filter(|node| node.prim_count == 0);
             let theirs: f64 = inner.map(|node| f64::from(node.aabb().half_area())).sum();
-            let mut nodes = build(leaves, 6);
+            let mut nodes = over(&leaves, 6);
             crate::reinsertion::optimize(&mut nodes, 0.05);
             let ours = total_area(&nodes);
             assert!(ours < 1.01 * theirs, "{count} {size}: {ours} beside {theirs}");

@@ -142,7 +142,7 @@ fn reinsert(nodes: &mut [BinaryNode], from: u32, to: u32) {
 mod tests {
     use super::*;
     use crate::binary::tests::{Boxes, assert_whole, total_area};
-    use crate::ploc;
+    use crate::ploc::tests::over;
 
     /// Whether `place` lies in the subtree at `top`.
     fn within(nodes: &[BinaryNode], mut place: u32, top: u32) -> bool {
@@ -158,7 +158,7 @@ mod tests {
         let mut boxes = Boxes::new(3);
         let mut found = 0;
         for round in 0..60 {
-            let nodes = ploc::build(boxes.leaves(3 + round % 30, 0.3), 1 + round % 3);
+            let nodes = over(&boxes.leaves(3 + round % 30, 0.3), 1 + round % 3);
             let before = total_area(&nodes);
             for from in 2..nodes.len() as u32 {
                 let best = best_move(&nodes, from, &mut Vec::new());
@@ -188,7 +188,7 @@ mod tests {
     fn trees_get_smaller_and_stay_whole() {
         let mut boxes = Boxes::new(4);
         for count in [0, 1, 2, 3, 4, 5, 100, 20_000] {
-            let mut nodes = ploc::build(boxes.leaves(count, 0.02), 1);
+            let mut nodes = over(&boxes.leaves(count, 0.02), 1);
             let before = total_area(&nodes);
             optimize(&mut nodes, 0.2);
             assert_whole(&nodes);
