@@ -4,7 +4,7 @@
 //! ```text
 //! benches/embree/build.sh        # once: compiles target/embree/driver, see there
 //! cargo run --profile bench -p hotspot-benches --bin trace -- [SCENE … | million] [--size N] [--rounds N] [--threads N]
-//!     [--quality fast,medium,high] [--isa avx2|portable] [--driver FILE] [--alone]
+//!     [--quality fast,medium,high,obvhs] [--isa avx2|portable] [--driver FILE] [--alone]
 //! ```
 //!
 //! Without scenes: `../shared/scenes` (killeroo, living room) where there, this repository's creature, and a generated
@@ -63,7 +63,7 @@ fn options() -> Options {
             "--alone" => o.driver = None,
             "--isa" => o.isa = if value() == "portable" { Isa::Portable } else { Isa::Avx2 },
             "--quality" => {
-                let all = [Quality::Fast, Quality::Medium, Quality::High];
+                let all = [Quality::Fast, Quality::Medium, Quality::High, Quality::Obvhs];
                 let list = value();
                 o.qualities = all.into_iter().filter(|q| list.split(',').any(|w| w == q.name())).collect();
             }

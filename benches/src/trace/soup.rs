@@ -114,6 +114,22 @@ impl Soup {
         Self::new("million".into(), triangles, lights, Some(camera))
     }
 
+    /// Rough ground of 2 · `cells`² triangles, seen from above.
+    pub fn grid(cells: u32) -> Self {
+        let at = |i: u32, j: u32| {
+            let (x, z) = (i as f32 / cells as f32 * 20.0 - 10.0, j as f32 / cells as f32 * 20.0 - 10.0);
+            [x, 0.8 * noise(x * 0.5, 0.0, z * 0.5) + 0.05 * noise(x * 7.0, 3.0, z * 7.0), z]
+        };
+        let mut triangles = Vec::with_capacity(2 * (cells as usize).pow(2));
+        for i in 0..cells {
+            for j in 0..cells {
+                let [a, b, c, d] = [at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)];
+                triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        Self::new("grid".into(), triangles, Vec::new(), None)
+    }
+
     /// A closed rough ball around the origin, of 4 · `bands`² triangles less those at the poles, for leaks.
     pub fn ball(bands: u32) -> Self {
         let mut triangles = Vec::new();

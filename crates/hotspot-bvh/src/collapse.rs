@@ -1,38 +1,10 @@
-//! Turns a binary tree with one triangle per leaf into the 8-wide tree, at the least expected cost.
-//!
-//! The dynamic program of Ylitie, Karras and Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
-//! BVHs* (HPG 2017), section 3.1: for each binary node n and each i, the cheapest way to represent the subtree of n as a
-//! forest of at most i wide subtrees; a wide subtree is a leaf block (up to 8 triangles) or a node whose children are a
-//! forest of at most 8. Costs are surface areas times [`NODE_COST`] or [`BLOCK_COST`]: a block costs the same however
-//! full it is, since its lanes are tested at once. An instance is a leaf of its own.
+//! Turns a binary tree with one triangle per leaf into the 8-wide tree that [`crate::plan`] found to be the cheapest.
 
-use crate::huge;
+use crate::binary::BinaryNode;
 use crate::node::{Bounds, Child, Node};
-use crate::triangle::{Block, LANES};
-use core::hint::select_unpredictable;
-
-/// Relative cost of visiting a node.
-const NODE_COST: f64 = 1.0;
-/// Relative cost of testing a leaf block.
-const BLOCK_COST: f64 = 0.9;
-/// Relative cost of entering an instance: taking the ray there, and a visit of its root.
-const INSTANCE_COST: f64 = 3.0;
-/// Children per wide node.
-const WIDTH: usize = 8;
-
-/// A binary tree: children of an inner node are `first` and `first + 1`; a leaf holds the primitives
-/// `order[first..first + count]`.
-pub(crate) struct BinaryTree {
-    pub(crate) nodes: Vec<BinaryNode>,
-    pub(crate) order: Vec<u32>,
-}
-
-/// A node of the binary tree; `count` is 0 for inner nodes.
-#[derive(Clone, Copy)]
-pub(crate) struct BinaryNode {
-    pub(crate) first: u32,
-    pub(crate) count: u32,
-}
+use crate::plan::{Place, Plans, WIDTH, plan};
+use crate::triangle::{Block, LANES, NO_PRIMITIVE};
+use crate::{huge, tasks};
 
 /// The wide tree.
 #[derive(Default)]
@@ -77,254 +49,100 @@ impl WideTree {
     }
 }
 
-/// What the dynamic program decides about a binary node, in eight bytes: there are twice as many as triangles.
-#[derive(Clone, Copy, Default)]
-struct Plan {
-    /// For forests of 2..=8, four bits each: how many go to the left child; 0: use one fewer subtrees.
-    left: u32,
-    /// Bit i: a forest of at most i subtrees, i in 1..=7, is best as one.
-    single: u8,
-    /// The single subtree is a leaf: a block, or an instance.
-    leaf: bool,
-}
-
-impl Plan {
-    fn left(self, count: usize) -> usize {
-        (self.left >> (4 * (count - 1)) & 15) as usize
-    }
-
-    fn set_left(&mut self, count: usize, left: usize) {
-        let shift = 4 * (count - 1);
-        self.left = self.left & !(15 << shift) | (left as u32) << shift;
-    }
-
-    fn single(self, count: usize) -> bool {
-        self.single >> count & 1 != 0
-    }
-}
-
 /// What the leaves of a binary tree hold: primitive i is triangle i, or beyond those an instance.
 #[derive(Clone, Copy)]
 pub(crate) struct Primitives<'a> {
     pub(crate) triangles: &'a [[[f32; 3]; 3]],
-    /// Of triangles and then of instances.
-    pub(crate) bounds: &'a [Bounds],
 }
 
 impl Primitives<'_> {
     fn instance(&self, primitive: u32) -> Option<u32> {
         primitive.checked_sub(self.triangles.len() as u32)
     }
+
+    /// The block of these triangles; unused lanes come last.
+    fn block(&self, primitives: &[u32; LANES]) -> Block {
+        let used = primitives.iter().filter(|&&primitive| primitive != NO_PRIMITIVE);
+        Block::new(used.map(|&p| (p, self.triangles[p as usize])))
+    }
 }
 
-/// Collapses `tree` over `primitives`.
-pub(crate) fn collapse(tree: &BinaryTree, primitives: Primitives<'_>) -> WideTree {
-    if tree.order.is_empty() {
+/// Collapses the binary tree `nodes` over `primitives`.
+pub(crate) fn collapse(nodes: &[BinaryNode], primitives: Primitives<'_>) -> WideTree {
+    if nodes.is_empty() {
         return WideTree { nodes: Vec::new(), blocks: Vec::new(), root: Child::EMPTY, bounds: Bounds::EMPTY };
     }
-    let planned = plan(tree, primitives);
-    Emitter { tree, primitives, planned: &planned }.run()
-}
-
-fn leaf_primitives(tree: &BinaryTree, node: BinaryNode) -> &[u32] {
-    &tree.order[node.first as usize..(node.first + node.count) as usize]
-}
-
-/// Node indices, every child before its parent and left subtrees before right ones, without recursion: hostile geometry makes
-/// deep trees.
-fn children_first(tree: &BinaryTree) -> Vec<u32> {
-    let mut order = Vec::with_capacity(tree.nodes.len());
-    let mut stack = vec![0u32];
-    while let Some(n) = stack.pop() {
-        order.push(n);
-        let node = tree.nodes[n as usize];
-        if node.count == 0 {
-            stack.extend([node.first, node.first + 1]);
-        }
-    }
-    order.reverse();
-    order
-}
-
-/// A binary node with what was decided about it. They stand in the order of [`children_first`], so that both passes go through
-/// memory from one end to the other: the right child is the one before its parent, the left one before all of the right
-/// subtree, and a subtree's leaves lie side by side.
-#[derive(Clone, Copy)]
-struct Planned {
-    bounds: Bounds,
-    plan: Plan,
-    /// Nodes of the subtree, this one included; 1: a leaf.
-    length: u32,
-    /// Its index in the binary tree.
-    node: u32,
-}
-
-/// What a parent needs to know of a child.
-struct Waiting {
-    /// Costs of a forest of at most i + 1 wide subtrees.
-    cost: [f64; WIDTH - 1],
-    bounds: Bounds,
-    /// Triangles below; more than a block holds where there is an instance.
-    size: u32,
-    length: u32,
-    /// Wide subtrees that it can be, at most [`WIDTH`]: with more allowed, costs stay what they are.
-    most: usize,
-}
-
-fn plan(tree: &BinaryTree, primitives: Primitives<'_>) -> Vec<Planned> {
-    let order = children_first(tree);
-    let mut planned = Vec::with_capacity(order.len());
-    // Nodes whose parent's turn is still to come. Parents follow upon the subtrees of their children, so the last two are the
-    // node's children.
-    let mut waiting: Vec<Waiting> = Vec::new();
-    for n in order {
-        let node = tree.nodes[n as usize];
-        let mut plan = Plan { leaf: true, ..Plan::default() };
-        let children =
-            if node.count > 0 { None } else { waiting.pop().and_then(|r| Some((waiting.pop()?, r))) };
-        let this = if let Some((l, r)) = children {
-            let (bounds, size) = (l.bounds.union(&r.bounds), l.size.saturating_add(r.size));
-            let area = bounds.half_area();
-            let forest = cheapest_forests(&l, &r, &mut plan);
-            let as_block = block_cost(area, size);
-            let as_node = area * NODE_COST + forest[WIDTH];
-            plan.leaf = as_block <= as_node;
-            let single = as_block.min(as_node);
-            let mut cost = [single; WIDTH - 1];
-            for (cost, &forest) in cost[1..].iter_mut().zip(&forest[2..]) {
-                *cost = single.min(forest);
-            }
-            Waiting {
-                cost,
-                bounds,
-                size,
-                length: l.length + r.length + 1,
-                most: (l.most + r.most).min(WIDTH),
-            }
-        } else {
-            let (mut bounds, mut size) = (Bounds::EMPTY, 0);
-            for &primitive in leaf_primitives(tree, node) {
-                bounds = bounds.union(&primitives.bounds[primitive as usize]);
-                size += if primitives.instance(primitive).is_some() { LANES as u32 + 1 } else { 1 };
-            }
-            let area = bounds.half_area();
-            let as_block = block_cost(area, size);
-            let cost = [as_block.min(area * INSTANCE_COST); WIDTH - 1];
-            Waiting { cost, bounds, size, length: 1, most: 1 }
-        };
-        for count in 1..WIDTH {
-            plan.single |= u8::from(this.cost[0] <= this.cost[count - 1]) << count;
-        }
-        planned.push(Planned { bounds: this.bounds, plan, length: this.length, node: n });
-        waiting.push(this);
-    }
-    planned
-}
-
-/// The cost of a leaf block for so many triangles; infinite where they do not fit.
-fn block_cost(area: f64, triangles: u32) -> f64 {
-    if triangles as usize <= LANES { area * BLOCK_COST } else { f64::INFINITY }
-}
-
-/// Costs of the cheapest forests of at most i subtrees, i in 2..=8, that are shared out between two children; how goes into
-/// `plan`.
-fn cheapest_forests(l: &Waiting, r: &Waiting, plan: &mut Plan) -> [f64; WIDTH + 1] {
-    let mut forest = [f64::INFINITY; WIDTH + 1];
-    let mut lefts = [0; WIDTH + 1];
-    for count in 2..=(l.most + r.most).min(WIDTH) {
-        let (mut cheapest, mut best) = (f64::INFINITY, 0);
-        for left in count.saturating_sub(r.most).max(1)..=l.most.min(count - 1) {
-            let cost = l.cost[left - 1] + r.cost[count - left - 1];
-            // Without a branch, which would follow no pattern.
-            let better = cost < cheapest;
-            best = select_unpredictable(better, left, best);
-            cheapest = select_unpredictable(better, cost, cheapest);
-        }
-        (forest[count], lefts[count]) = (cheapest, best);
-    }
-    // The cheapest forest of at most so many.
-    for count in 3..=WIDTH {
-        if forest[count - 1] <= forest[count] {
-            forest[count] = forest[count - 1];
-            lefts[count] = 0;
-        }
-    }
-    for (count, left) in lefts.into_iter().enumerate().skip(2) {
-        plan.set_left(count, left);
-    }
-    forest
+    let plans = plan(nodes, primitives.triangles.len() as u32);
+    Emitter { primitives, plans: &plans }.run()
 }
 
 /// A wide node to be.
 struct Shape {
     children: [Child; WIDTH],
-    /// Places in the plan of the occupied slots.
-    places: [u32; WIDTH],
-    occupied: usize,
+    /// What the occupied slots are made of.
+    places: Places,
 }
 
 /// Up to eight places in the plan.
-#[derive(Default)]
+#[derive(Clone, Copy, Default)]
 struct Places {
-    places: [u32; WIDTH],
+    places: [Place; WIDTH],
     count: usize,
 }
 
 impl Places {
-    fn push(&mut self, place: u32) {
+    fn push(&mut self, place: Place) {
         self.places[self.count] = place;
         self.count += 1;
     }
 
-    fn iter(&self) -> impl Iterator<Item = u32> {
+    fn iter(&self) -> impl Iterator<Item = Place> {
         self.places[..self.count].iter().copied()
     }
 }
 
 struct Emitter<'a> {
-    tree: &'a BinaryTree,
     primitives: Primitives<'a>,
-    planned: &'a [Planned],
+    plans: &'a Plans,
 }
 
 impl Emitter<'_> {
     /// First what there will be, then all of it into memory of the right size: nodes depth first, so that a subtree lies together.
     fn run(self) -> WideTree {
-        let root = self.planned.len() - 1;
-        let bounds = self.planned[root].bounds;
+        let root = self.plans.root();
+        let bounds = self.plans.at(root).bounds;
         let (mut shapes, mut leaves) = (Vec::<Shape>::new(), Vec::new());
-        let root = if self.planned[root].plan.leaf {
-            self.leaf(root as u32, &mut leaves)
+        let root = if self.plans.at(root).plan.is_leaf() {
+            self.leaf(root, &mut leaves)
         } else {
-            // Place in the plan; parent and slot.
-            let mut pending = vec![(root as u32, None)];
+            // What to make, its parent and slot.
+            let mut pending = vec![(root, None)];
             while let Some((place, parent)) = pending.pop() {
                 let index = shapes.len() as u32;
                 if let Some((parent, slot)) = parent {
                     let parent: &mut Shape = &mut shapes[parent as usize];
                     parent.children[slot as usize] = Child::node(index);
                 }
-                let (sorted, blocks) = self.sorted(&self.forest(place as usize));
-                let mut shape =
-                    Shape { children: [Child::EMPTY; WIDTH], places: sorted.places, occupied: sorted.count };
-                for (child, place) in shape.children.iter_mut().zip(sorted.iter()) {
-                    if self.planned[place as usize].plan.leaf {
+                let (places, blocks) = self.sorted(&self.forest(place));
+                let mut children = [Child::EMPTY; WIDTH];
+                for (child, place) in children.iter_mut().zip(places.iter()) {
+                    if self.plans.at(place).plan.is_leaf() {
                         *child = self.leaf(place, &mut leaves);
                     }
                 }
-                for slot in (blocks..sorted.count).rev() {
-                    let place = sorted.places[slot];
-                    if !self.planned[place as usize].plan.leaf {
+                for slot in (blocks..places.count).rev() {
+                    let place = places.places[slot];
+                    if !self.plans.at(place).plan.is_leaf() {
                         pending.push((place, Some((index, slot as u32))));
                     }
                 }
-                shapes.push(shape);
+                shapes.push(Shape { children, places });
             }
             Child::node(0)
         };
         let mut tree = WideTree { root, bounds, ..WideTree::with_capacity(shapes.len(), leaves.len()) };
-        tree.nodes.extend(shapes.iter().map(|shape| self.node(shape)));
-        tree.blocks.extend(leaves.iter().map(|&place| self.block(place as usize)));
+        tasks::map_into(&mut tree.nodes, &shapes, |shape| self.node(shape));
+        tasks::map_into(&mut tree.blocks, &leaves, |primitives| self.primitives.block(primitives));
         tree
     }
 
@@ -336,13 +154,12 @@ impl Emitter<'_> {
         for wants_blocks in [true, false] {
             let start = sorted.count;
             for place in roots.iter() {
-                let is_block =
-                    self.planned[place as usize].plan.leaf && self.instance(place as usize).is_none();
+                let is_block = self.plans.at(place).plan.is_leaf() && self.instance(place).is_none();
                 if is_block != wants_blocks {
                     continue;
                 }
                 // Insertion, equals in the order of their coming.
-                let area = self.planned[place as usize].bounds.half_area();
+                let area = self.plans.at(place).bounds.half_area();
                 let mut slot = sorted.count;
                 sorted.push(place);
                 while slot > start && areas[slot - 1] < area {
@@ -359,54 +176,49 @@ impl Emitter<'_> {
     }
 
     /// The binary nodes that become the children of the wide node made of `place`, from left to right.
-    fn forest(&self, place: usize) -> Places {
+    fn forest(&self, place: Place) -> Places {
         let mut roots = Places::default();
         // (place, wide subtrees that it may become, whether it must be split); what waits shares out eight subtrees.
-        let mut stack = [(0, 0, false); WIDTH];
-        stack[0] = (place, WIDTH, true);
+        let mut stack = [(place, WIDTH, true); WIDTH];
         let mut waiting = 1;
         while waiting > 0 {
             waiting -= 1;
             let (place, mut count, must_split) = stack[waiting];
-            let Planned { plan, length, .. } = self.planned[place];
-            if length == 1 || (!must_split && plan.single(count)) {
-                roots.push(place as u32);
+            let planned = self.plans.at(place);
+            if planned.primitive().is_some() || (!must_split && planned.plan.single(count)) {
+                roots.push(place);
                 continue;
             }
-            while plan.left(count) == 0 {
+            while planned.plan.left(count) == 0 {
                 count -= 1;
             }
-            let left = plan.left(count);
-            let right = place - 1;
-            stack[waiting] = (right, count - left, false);
-            stack[waiting + 1] = (right - self.planned[right].length as usize, left, false);
+            let left = planned.plan.left(count);
+            let children = self.plans.children(place);
+            stack[waiting] = (children[1], count - left, false);
+            stack[waiting + 1] = (children[0], left, false);
             waiting += 2;
         }
         roots
     }
 
     /// The instance that a place is, if it is one.
-    fn instance(&self, place: usize) -> Option<u32> {
-        let node = self.tree.nodes[self.planned[place].node as usize];
-        if node.count == 0 {
-            return None;
-        }
-        self.primitives.instance(*leaf_primitives(self.tree, node).first()?)
+    fn instance(&self, place: Place) -> Option<u32> {
+        self.primitives.instance(self.plans.at(place).primitive()?)
     }
 
     /// An instance, or the next block.
-    fn leaf(&self, place: u32, blocks: &mut Vec<u32>) -> Child {
-        if let Some(instance) = self.instance(place as usize) {
+    fn leaf(&self, place: Place, blocks: &mut Vec<[u32; LANES]>) -> Child {
+        if let Some(instance) = self.instance(place) {
             return Child::instance(instance);
         }
-        blocks.push(place);
+        blocks.push(self.block(place));
         Child::leaf(blocks.len() as u32 - 1)
     }
 
     fn node(&self, shape: &Shape) -> Node {
         let mut node = Node { children: shape.children, ..Node::EMPTY };
-        for (slot, &place) in shape.places[..shape.occupied].iter().enumerate() {
-            let b = self.planned[place as usize].bounds;
+        for (slot, place) in shape.places.iter().enumerate() {
+            let b = self.plans.at(place).bounds;
             for axis in 0..3 {
                 node.bounds[axis][0].0[slot] = b.min[axis];
                 node.bounds[axis][1].0[slot] = b.max[axis];
@@ -415,18 +227,32 @@ impl Emitter<'_> {
         node
     }
 
-    fn block(&self, place: usize) -> Block {
-        let first = place + 1 - self.planned[place].length as usize;
-        let leaves = self.planned[first..=place].iter().filter(|planned| planned.length == 1);
-        let primitives =
-            leaves.flat_map(|leaf| leaf_primitives(self.tree, self.tree.nodes[leaf.node as usize]));
-        Block::new(primitives.map(|&p| (p, self.primitives.triangles[p as usize])))
+    /// The triangles below a place, from left to right.
+    fn block(&self, place: Place) -> [u32; LANES] {
+        let mut primitives = [NO_PRIMITIVE; LANES];
+        let mut count = 0;
+        let mut stack = [place; LANES];
+        let mut waiting = 1;
+        while waiting > 0 {
+            waiting -= 1;
+            let place = stack[waiting];
+            if let Some(primitive) = self.plans.at(place).primitive() {
+                primitives[count] = primitive;
+                count += 1;
+            } else {
+                let [left, right] = self.plans.children(place);
+                (stack[waiting], stack[waiting + 1]) = (right, left);
+                waiting += 2;
+            }
+        }
+        primitives
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::{BLOCK_COST, INSTANCE_COST, NODE_COST};
 
     /// SplitMix64, below a limit.
     fn random(state: &mut u64, limit: u32) -> u32 {
@@ -437,52 +263,55 @@ mod tests {
         ((z ^ (z >> 31)) >> 33) as u32 % limit
     }
 
-    /// Splits `order[range]`, primitives of node `n`, at random.
-    fn grow(nodes: &mut Vec<BinaryNode>, n: usize, range: core::ops::Range<u32>, state: &mut u64) {
-        if range.len() == 1 {
-            nodes[n] = BinaryNode { first: range.start, count: 1 };
-            return;
+    /// A node over `leaves`, split at random; its children, if any, are pushed onto `nodes`.
+    fn grow(nodes: &mut Vec<BinaryNode>, leaves: &[BinaryNode], state: &mut u64) -> BinaryNode {
+        if let [leaf] = leaves {
+            return *leaf;
         }
-        let middle = range.start + 1 + random(state, range.len() as u32 - 1);
-        let first = nodes.len();
-        nodes[n] = BinaryNode { first: first as u32, count: 0 };
-        nodes.extend([BinaryNode { first: 0, count: 0 }; 2]);
-        grow(nodes, first, range.start..middle, state);
-        grow(nodes, first + 1, middle..range.end, state);
+        let (left, right) = leaves.split_at(1 + random(state, leaves.len() as u32 - 1) as usize);
+        let pair = nodes.len();
+        nodes.extend([BinaryNode::EMPTY; 2]);
+        nodes[pair] = grow(nodes, left, state);
+        nodes[pair + 1] = grow(nodes, right, state);
+        BinaryNode::parent_of(&nodes[pair], &nodes[pair + 1], pair as u32 / 2)
     }
 
     /// Box and primitives below a node.
-    fn below(tree: &BinaryTree, bounds: &[Bounds], n: usize) -> (Bounds, Vec<u32>) {
-        let node = tree.nodes[n];
-        if node.count > 0 {
-            let own = leaf_primitives(tree, node).to_vec();
-            return (own.iter().fold(Bounds::EMPTY, |b, p| b.union(&bounds[*p as usize])), own);
-        }
-        let [(a, mut left), (b, right)] = [0, 1].map(|i| below(tree, bounds, node.first as usize + i));
+    fn below(nodes: &[BinaryNode], bounds: &[Bounds], n: usize) -> (Bounds, Vec<u32>) {
+        let Some(pair) = nodes[n].pair() else {
+            let primitive = nodes[n].primitive();
+            return (bounds[primitive as usize], vec![primitive]);
+        };
+        let [(a, mut left), (b, right)] = [0, 1].map(|i| below(nodes, bounds, 2 * pair as usize + i));
         left.extend(right);
         (a.union(&b), left)
     }
 
     /// The least cost of a forest of at most `most` wide subtrees below node `n`, by trying everything.
-    fn least(tree: &BinaryTree, p: Primitives<'_>, n: usize, most: usize, known: &mut [[f64; 9]]) -> f64 {
+    fn least(
+        tree: (&[BinaryNode], &[Bounds], Primitives<'_>),
+        n: usize,
+        most: usize,
+        known: &mut [[f64; 9]],
+    ) -> f64 {
         if known[n][most].is_nan() {
-            let node = tree.nodes[n];
-            let (bounds, own) = below(tree, p.bounds, n);
+            let (nodes, bounds, p) = tree;
+            let (bounds, own) = below(nodes, bounds, n);
             let area = bounds.half_area();
             let instances = own.iter().any(|i| p.instance(*i).is_some());
             let mut cost = if !instances && own.len() <= LANES { area * BLOCK_COST } else { f64::INFINITY };
-            if node.count > 0 {
-                cost = cost.min(area * INSTANCE_COST);
-            } else {
-                let first = node.first as usize;
+            if let Some(pair) = nodes[n].pair() {
+                let first = 2 * pair as usize;
                 let mut share = |most: usize| {
                     (1..most)
                         .map(|left| {
-                            least(tree, p, first, left, known) + least(tree, p, first + 1, most - left, known)
+                            least(tree, first, left, known) + least(tree, first + 1, most - left, known)
                         })
                         .fold(f64::INFINITY, f64::min)
                 };
                 cost = cost.min(area * NODE_COST + share(WIDTH)).min(share(most));
+            } else {
+                cost = cost.min(area * INSTANCE_COST);
             }
             known[n][most] = cost;
         }
@@ -505,14 +334,14 @@ mod tests {
                 let mut corner = || core::array::from_fn(|_| random(&mut state, 1000) as f32);
                 bounds.push(Bounds::of_points(&[corner(), [500.0; 3]]));
             }
-            let primitives = Primitives { triangles: &triangles, bounds: &bounds };
-            let mut order: Vec<u32> = (0..count).collect();
+            let primitives = Primitives { triangles: &triangles };
+            let mut leaves: Vec<_> = bounds.iter().zip(0..).map(|(b, i)| BinaryNode::leaf(b, i)).collect();
             for last in (1..count).rev() {
-                order.swap(last as usize, random(&mut state, last + 1) as usize);
+                leaves.swap(last as usize, random(&mut state, last + 1) as usize);
             }
-            let mut tree = BinaryTree { nodes: vec![BinaryNode { first: 0, count: 0 }], order };
-            grow(&mut tree.nodes, 0, 0..count, &mut state);
-            let wide = collapse(&tree, primitives);
+            let mut nodes = vec![BinaryNode::EMPTY; 2];
+            nodes[0] = grow(&mut nodes, &leaves, &mut state);
+            let wide = collapse(&nodes, primitives);
 
             let mut seen: Vec<u32> = Vec::new();
             let mut cost = 0.0;
@@ -522,7 +351,7 @@ mod tests {
                     seen.push(triangles.len() as u32 + child.index() as u32);
                     cost += bounds.half_area() * INSTANCE_COST;
                 } else if child.is_leaf() {
-                    let used = |p: &&u32| **p != crate::triangle::NO_PRIMITIVE;
+                    let used = |p: &&u32| **p != NO_PRIMITIVE;
                     seen.extend(wide.blocks[child.index()].primitives.iter().filter(used));
                     cost += bounds.half_area() * BLOCK_COST;
                 } else {
@@ -537,8 +366,8 @@ mod tests {
             }
             seen.sort_unstable();
             assert_eq!(seen, (0..count).collect::<Vec<_>>(), "round {round}");
-            let mut known = vec![[f64::NAN; 9]; tree.nodes.len()];
-            let least = least(&tree, primitives, 0, 1, &mut known);
+            let mut known = vec![[f64::NAN; 9]; nodes.len()];
+            let least = least((&nodes, &bounds, primitives), 0, 1, &mut known);
             assert!((cost / least - 1.0).abs() < 1e-9, "round {round}: {cost} where {least} would do");
         }
     }

@@ -28,6 +28,13 @@ pub(crate) fn with_capacity<T>(count: usize) -> Vec<T> {
     vec
 }
 
+/// As `vec![value; count]`.
+pub(crate) fn filled<T: Copy>(value: T, count: usize) -> Vec<T> {
+    let mut vec = with_capacity(count);
+    vec.resize(count, value);
+    vec
+}
+
 #[cfg(test)]
 mod tests {
     #[test]

@@ -16,24 +16,31 @@
 //! * The same hits and the same counts on every processor and instruction set, bit for bit.
 //! * Meshes that appear many times are stored once ([`Bvh::build_instanced`]); surfaces with holes are cut out during
 //!   traversal ([`Filter`]); a tree without them does not pay for them.
-//! * obvhs (PLOC with reinsertion) decides the topology; a dynamic program collapses it to eight children per node and up
-//!   to eight triangles per leaf block.
+//! * A binary tree by locally ordered clustering and reinsertion decides the topology; a dynamic program collapses it to eight
+//!   children per node and up to eight triangles per leaf block. Built in the caller's rayon pool, the same tree for any
+//!   number of threads.
 
 #![deny(unsafe_code)]
 
+mod binary;
 mod build;
 mod collapse;
 mod filter;
 mod huge;
 mod instance;
 mod node;
+mod obvhs;
 pub mod oracle;
 mod owners;
 mod packet;
+mod plan;
+mod ploc;
 mod ray;
+mod reinsertion;
 mod shuffle;
 pub mod simd;
 mod stack;
+mod tasks;
 mod traverse;
 mod triangle;
 

@@ -124,6 +124,10 @@ impl Bounds {
         }
     }
 
+    pub(crate) fn scaled(&self, scale: f32) -> Self {
+        Self { min: self.min.map(|c| c * scale), max: self.max.map(|c| c * scale) }
+    }
+
     /// Half of the surface area, in f64 so that boxes of any f32 size have one; 0 when empty.
     pub(crate) fn half_area(&self) -> f64 {
         let [x, y, z]: [f64; 3] =

@@ -4,14 +4,12 @@
 //! measured by building the same scene several times with [`crate::BuildOptions::shuffle`] set to different numbers.
 //!
 //! A shuffle changes what decides a topology without being a property of the scene: the order of the primitives, which
-//! breaks ties, and the axes, which decide the Morton order that obvhs starts from. The boxes are turned by one of the 48
+//! breaks ties, and the axes, which decide the Morton order that the builder starts from. The boxes are turned by one of the 48
 //! symmetries of the cube; areas, hence the surface area heuristic, are what they were. Shuffling the order alone would show
 //! next to nothing, since Morton codes seldom tie. Only the topology is made from turned boxes: triangles, their numbers
 //! and therefore hits and ties between them stay.
 
-use crate::collapse::BinaryTree;
-use glam::Vec3A;
-use obvhs::aabb::Aabb;
+use crate::node::Bounds;
 
 /// An order of primitives and a symmetry of the cube.
 pub(crate) struct Shuffle {
@@ -38,26 +36,19 @@ impl Shuffle {
         Self { order, axes: AXES[(symmetry / 8) as usize], mirrored }
     }
 
-    /// The boxes in the shuffle's order and axes.
-    pub(crate) fn boxes(&self, boxes: &[Aabb]) -> Vec<Aabb> {
-        self.order.iter().map(|&primitive| self.turned(&boxes[primitive as usize])).collect()
+    /// The primitive at each place.
+    pub(crate) fn order(&self) -> &[u32] {
+        &self.order
     }
 
-    fn turned(&self, b: &Aabb) -> Aabb {
-        let (mut min, mut max) = (Vec3A::ZERO, Vec3A::ZERO);
+    /// A box in the shuffle's axes.
+    pub(crate) fn turned(&self, b: &Bounds) -> Bounds {
+        let mut turned = Bounds::EMPTY;
         for (to, (&from, &mirrored)) in self.axes.iter().zip(&self.mirrored).enumerate() {
-            (min[to], max[to]) =
+            (turned.min[to], turned.max[to]) =
                 if mirrored { (-b.max[from], -b.min[from]) } else { (b.min[from], b.max[from]) };
         }
-        Aabb::new(min, max)
-    }
-
-    /// The tree over shuffled boxes as one over the boxes as they were.
-    pub(crate) fn undo(&self, mut tree: BinaryTree) -> BinaryTree {
-        for primitive in &mut tree.order {
-            *primitive = self.order[*primitive as usize];
-        }
-        tree
+        turned
     }
 }
 
@@ -81,23 +72,23 @@ mod tests {
 
     #[test]
     fn a_shuffle_reorders_and_turns_without_losing_anything() {
-        let boxes: Vec<Aabb> = (0..50)
+        let boxes: Vec<Bounds> = (0..50)
             .map(|i| {
-                let corner = Vec3A::new(i as f32, 2.0 * i as f32, -(i as f32));
-                Aabb::new(corner, corner + Vec3A::new(1.0, 2.0, 3.0))
+                let [x, y, z] = [i as f32, 2.0 * i as f32, -(i as f32)];
+                Bounds { min: [x, y, z], max: [x + 1.0, y + 2.0, z + 3.0] }
             })
             .collect();
         let mut symmetries = std::collections::BTreeSet::new();
         for seed in 0..200 {
             let shuffle = Shuffle::new(seed, boxes.len());
             symmetries.insert((shuffle.axes, shuffle.mirrored));
-            let mut seen = shuffle.order.clone();
+            let mut seen = shuffle.order().to_vec();
             seen.sort_unstable();
             assert!(seen.iter().copied().eq(0..50));
-            for (turned, &primitive) in shuffle.boxes(&boxes).iter().zip(&shuffle.order) {
-                let original = &boxes[primitive as usize];
+            for original in &boxes {
+                let turned = shuffle.turned(original);
                 assert_eq!(turned.half_area(), original.half_area());
-                assert!(turned.min.cmple(turned.max).all());
+                assert!((0..3).all(|axis| turned.min[axis] < turned.max[axis]));
             }
         }
         // 200 draws from 48 leave one out with a probability of 48 (47/48)^200 = 0.7 each, five with below 0.001.

@@ -39,7 +39,7 @@ pub(crate) struct SceneArgs {
     /// Which meshes are stored once, however often they appear: those that save much memory, all, or none
     #[arg(long, value_enum, default_value_t = InstancesArg::Auto)]
     pub(crate) instances: InstancesArg,
-    /// How much time to spend on the tree
+    /// How much time to spend on the tree, or which other builder to use
     #[arg(long, value_enum, default_value_t = QualityArg::Medium)]
     pub(crate) bvh: QualityArg,
     /// Instruction set of the traversal; all give the same result
@@ -58,6 +58,8 @@ pub(crate) enum QualityArg {
     Fast,
     Medium,
     High,
+    /// By the crate obvhs, to compare with
+    Obvhs,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -141,6 +143,7 @@ impl SceneArgs {
                     QualityArg::Fast => Quality::Fast,
                     QualityArg::Medium => Quality::Medium,
                     QualityArg::High => Quality::High,
+                    QualityArg::Obvhs => Quality::Obvhs,
                 },
                 isa: match self.isa {
                     IsaArg::Auto => Isa::Auto,

@@ -229,7 +229,7 @@ impl<'a> Stage<'a> {
             Stop::Cancelled => Stopped::Interrupted,
         });
         document.tree = Tree {
-            builder: format!("obvhs ploc {}", self.open.prepare_options().tree.quality.name()),
+            builder: format!("ploc {}", self.open.prepare_options().tree.quality.name()),
             width: hotspot_bvh::WIDTH,
             nodes: prepared.bvh().node_count() as u64,
             triangles: prepared.triangle_count() as u64,

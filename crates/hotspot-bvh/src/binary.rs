@@ -1,0 +1,232 @@
+//! The binary tree that [`crate::ploc`] builds, [`crate::reinsertion`] betters and [`crate::collapse`] makes wide.
+//!
+//! A tree over n primitives has 2n places. Place 0 is the root, place 1 stays empty; siblings share a pair of places
+//! (2p, 2p + 1) and with it a cache line. A node is its box and one link in the lanes that two vectors of three leave over:
+//! an inner node's pair of children, a leaf's primitive; the left node of a pair also holds the place of the parent.
+
+use crate::node::Bounds;
+use glam::Vec4;
+
+/// The box of a node with its links in the fourth lanes.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub(crate) struct BinaryNode {
+    /// Minima; the pair of children, or flagged the primitive.
+    low: Vec4,
+    /// Maxima; in the left node of a pair the parent's pair, flagged when it is the right one of that.
+    high: Vec4,
+}
+
+const FLAG: u32 = 1 << 31;
+/// Makes any link the bits of a normal number, which arithmetic on all four lanes takes in its stride.
+const NORMAL: u32 = 1 << 30;
+
+/// `index` below 2^30.
+fn link(index: u32, flag: bool) -> f32 {
+    f32::from_bits(index | NORMAL | if flag { FLAG } else { 0 })
+}
+
+impl BinaryNode {
+    pub(crate) const EMPTY: Self = Self { low: Vec4::ZERO, high: Vec4::ZERO };
+
+    pub(crate) fn leaf(bounds: &Bounds, primitive: u32) -> Self {
+        let ([a, b, c], [d, e, f]) = (bounds.min, bounds.max);
+        Self { low: Vec4::new(a, b, c, link(primitive, true)), high: Vec4::new(d, e, f, link(0, false)) }
+    }
+
+    /// The leaf of a triangle.
+    #[inline(always)]
+    pub(crate) fn of_triangle(triangle: &[[f32; 3]; 3], primitive: u32) -> Self {
+        let [a, b, c] = triangle.map(|[x, y, z]| Vec4::new(x, y, z, 0.0));
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        Self { low: low.with_w(link(primitive, true)), high: high.with_w(link(0, false)) }
+    }
+
+    /// The parent of two nodes that stand at `pair`.
+    #[inline(always)]
+    pub(crate) fn parent_of(left: &Self, right: &Self, pair: u32) -> Self {
+        let (low, high) = left.union(right);
+        Self { low: low.with_w(link(pair, false)), high: high.with_w(link(0, false)) }
+    }
+
+    /// The pair of children; `None`: a leaf.
+    #[inline(always)]
+    pub(crate) fn pair(&self) -> Option<u32> {
+        let bits = self.low.w.to_bits();
+        (bits & FLAG == 0).then_some(bits & !NORMAL)
+    }
+
+    /// The primitive of a leaf.
+    #[inline(always)]
+    pub(crate) fn primitive(&self) -> u32 {
+        self.low.w.to_bits() & !(FLAG | NORMAL)
+    }
+
+    /// Gives it another box.
+    pub(crate) fn set_bounds(&mut self, bounds: &Bounds) {
+        let fresh = Self::leaf(bounds, 0);
+        (self.low, self.high) = (fresh.low.with_w(self.low.w), fresh.high.with_w(self.high.w));
+    }
+
+    pub(crate) fn bounds(&self) -> Bounds {
+        Bounds { min: self.low.truncate().into(), max: self.high.truncate().into() }
+    }
+
+    /// Twice the centre.
+    pub(crate) fn middle(&self) -> Vec4 {
+        self.low + self.high
+    }
+
+    /// The box around both; the fourth lanes mean nothing.
+    #[inline(always)]
+    fn union(&self, other: &Self) -> (Vec4, Vec4) {
+        (self.low.min(other.low), self.high.max(other.high))
+    }
+
+    /// Half the surface area of the box, in f32: it decides between topologies, nothing else.
+    #[inline(always)]
+    pub(crate) fn half_area(&self) -> f32 {
+        half_area(self.low, self.high)
+    }
+
+    /// That of the box around both.
+    #[inline(always)]
+    pub(crate) fn half_area_with(&self, other: &Self) -> f32 {
+        let (low, high) = self.union(other);
+        half_area(low, high)
+    }
+
+    /// Grows to hold the other's box too.
+    #[inline(always)]
+    pub(crate) fn extend(&mut self, other: &Self) {
+        let (low, high) = self.union(other);
+        (self.low, self.high) = (low.with_w(self.low.w), high.with_w(self.high.w));
+    }
+}
+
+#[inline(always)]
+fn half_area(low: Vec4, high: Vec4) -> f32 {
+    let d = high - low;
+    (d.x + d.y) * d.z + d.x * d.y
+}
+
+/// Where the parent of `place` stands.
+#[inline(always)]
+pub(crate) fn parent(nodes: &[BinaryNode], place: u32) -> u32 {
+    let bits = nodes[(place & !1) as usize].high.w.to_bits();
+    (bits & !(FLAG | NORMAL)) << 1 | bits >> 31
+}
+
+/// Tells the children of the node at `place` where it stands.
+#[inline(always)]
+pub(crate) fn link_children(nodes: &mut [BinaryNode], place: u32) {
+    if let Some(pair) = nodes[place as usize].pair() {
+        nodes[2 * pair as usize].high.w = link(place >> 1, place & 1 != 0);
+    }
+}
+
+/// Puts what a node is at `place`, and tells its children.
+#[inline(always)]
+pub(crate) fn put(nodes: &mut [BinaryNode], place: u32, node: &BinaryNode) {
+    let to = &mut nodes[place as usize];
+    // The link to the parent is the place's, not the node's.
+    *to = BinaryNode { low: node.low, high: node.high.with_w(to.high.w) };
+    link_children(nodes, place);
+}
+
+/// Makes the boxes from `place` upwards those of their children again, as far as they change.
+pub(crate) fn refit(nodes: &mut [BinaryNode], mut place: u32) {
+    while let Some(pair) = nodes[place as usize].pair() {
+        let (low, high) = nodes[2 * pair as usize].union(&nodes[2 * pair as usize + 1]);
+        let node = &mut nodes[place as usize];
+        let fresh = BinaryNode { low: low.with_w(node.low.w), high: high.with_w(node.high.w) };
+        let same = node.low.truncate() == low.truncate() && node.high.truncate() == high.truncate();
+        *node = fresh;
+        if same || place == 0 {
+            return;
+        }
+        place = parent(nodes, place);
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// Random numbers and boxes.
+    pub(crate) struct Boxes(u64);
+
+    impl Boxes {
+        pub(crate) fn new(seed: u64) -> Self {
+            Self(seed)
+        }
+
+        /// SplitMix64.
+        pub(crate) fn bits(&mut self) -> u64 {
+            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mut z = self.0;
+            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            z ^ (z >> 31)
+        }
+
+        fn unit(&mut self) -> f32 {
+            (self.bits() >> 40) as f32 / (1 << 24) as f32
+        }
+
+        /// Leaves in the unit cube, of up to `size` an axis; 0: corners on a grid of 8³, so that many tie.
+        pub(crate) fn leaves(&mut self, count: usize, size: f32) -> Vec<BinaryNode> {
+            (0..count as u32)
+                .map(|i| {
+                    let min =
+                        [(); 3].map(|()| self.unit()).map(|c| if size > 0.0 { c } else { (c * 8.0).floor() });
+                    let extent = [(); 3].map(|()| size * self.unit());
+                    let max = core::array::from_fn(|axis| min[axis] + extent[axis]);
+                    BinaryNode::leaf(&Bounds { min, max }, i)
+                })
+                .collect()
+        }
+    }
+
+    /// The sum of half areas of inner nodes.
+    pub(crate) fn total_area(nodes: &[BinaryNode]) -> f64 {
+        let occupied = nodes.iter().enumerate().filter(|(place, node)| *place != 1 && node.pair().is_some());
+        occupied.map(|(_, node)| node.bounds().half_area()).sum()
+    }
+
+    pub(crate) fn depth(nodes: &[BinaryNode]) -> u32 {
+        let mut deepest = 0;
+        let mut open = vec![(0, 1)];
+        while let Some((place, depth)) = open.pop() {
+            deepest = deepest.max(depth);
+            if let Some(pair) = nodes[place].pair() {
+                open.extend([0, 1].map(|i| (2 * pair as usize + i, depth + 1)));
+            }
+        }
+        deepest
+    }
+
+    /// Every place is reached once and knows its parent, every inner box is that of its children, every primitive is there;
+    /// how many they are.
+    pub(crate) fn assert_whole(nodes: &[BinaryNode]) -> u32 {
+        let mut primitives = Vec::new();
+        let mut reached = vec![false; nodes.len()];
+        let mut open: Vec<usize> = if nodes.is_empty() { Vec::new() } else { vec![0] };
+        while let Some(place) = open.pop() {
+            assert!(!core::mem::replace(&mut reached[place], true));
+            let Some(pair) = nodes[place].pair() else {
+                primitives.push(nodes[place].primitive());
+                continue;
+            };
+            let children = [2 * pair as usize, 2 * pair as usize + 1];
+            let [left, right] = children.map(|child| nodes[child].bounds());
+            assert_eq!(nodes[place].bounds(), left.union(&right));
+            assert!(children.iter().all(|&child| parent(nodes, child as u32) as usize == place));
+            open.extend(children);
+        }
+        assert!(reached.iter().enumerate().all(|(place, reached)| *reached != (place == 1)));
+        primitives.sort_unstable();
+        assert!(primitives.iter().copied().eq(0..nodes.len() as u32 / 2));
+        primitives.len() as u32
+    }
+}
