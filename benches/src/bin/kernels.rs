@@ -60,7 +60,13 @@ fn main() {
         ("full", "features/metallic-roughness-texture.gltf"),
     ];
     for (class, scene) in classes {
-        for (variant, what) in [(&VARIANTS[0], "plain"), (&VARIANTS[3], "counting")] {
+        let kinds = [
+            (&VARIANTS[0], "plain"),
+            (&VARIANTS[3], "counting"),
+            (&VARIANTS[4], "booked"),
+            (&VARIANTS[5], "booked-halves"),
+        ];
+        for (variant, what) in kinds {
             kernels.push((format!("path/{class}/{what}"), Box::new(move || path(scene, variant))));
         }
     }
