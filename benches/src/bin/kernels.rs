@@ -7,7 +7,7 @@
 use hotspot_benches::trace::query;
 use hotspot_benches::trace::rays::{Kind, rays};
 use hotspot_benches::trace::soup::Soup;
-use hotspot_benches::{COUNTING, PLAIN, Variant, run, scenes, subject};
+use hotspot_benches::{COUNTING, PLAIN, VARIANTS, Variant, run, scenes, subject};
 use hotspot_bvh::simd::Isa;
 use hotspot_bvh::{BuildOptions, Bvh};
 use std::hint::black_box;
@@ -61,7 +61,13 @@ fn main() {
         ("full", "features/metallic-roughness-texture.gltf"),
     ];
     for (class, scene) in classes {
-        for (variant, what) in [(&PLAIN, "plain"), (&COUNTING, "counting")] {
+        let kinds = [
+            (&PLAIN, "plain"),
+            (&COUNTING, "counting"),
+            (&VARIANTS[5], "booked"),
+            (&VARIANTS[6], "booked-halves"),
+        ];
+        for (variant, what) in kinds {
             kernels.push((format!("path/{class}/{what}"), Box::new(move || path(scene, variant))));
         }
     }

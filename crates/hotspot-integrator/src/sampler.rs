@@ -64,6 +64,17 @@ const fn sequence(set: u32) -> (u32, u32) {
 /// Sets whose hashes are kept per pixel (eight vertices deep); deeper ones are hashed each time.
 const KEPT: usize = 16;
 
+/// [`sequence`] of the sets that are kept.
+const SEQUENCES: [(u32, u32); KEPT] = {
+    let mut sequences = [(0, 0); KEPT];
+    let mut set = 0;
+    while set < KEPT {
+        sequences[set] = sequence(set as u32);
+        set += 1;
+    }
+    sequences
+};
+
 /// The scrambles of a set: of the index, and of the four dimensions; and which table they are of.
 #[derive(Clone, Copy, Debug, Default)]
 struct Scrambles {
@@ -177,9 +188,18 @@ impl PixelSampler {
     #[inline(always)]
     pub(crate) fn new(kind: SamplerKind, x: u32, y: u32, half: u32, seed: u64) -> Self {
         let key = hash(x, hash(y, hash(half, hash(seed as u32, (seed >> 32) as u32 ^ 0x5bd1_e995))));
+        // Hash by hash for all sets rather than set by set, so that the compiler can do several at once: a pixel is visited for
+        // few samples at a time, twice where it has halves.
+        let (mut seeds, mut indices) = ([0; KEPT], [0; KEPT]);
+        for (set, (seed, index)) in seeds.iter_mut().zip(&mut indices).enumerate() {
+            *seed = seed_of(key, set as u32);
+            *index = index_of_seed(*seed);
+        }
         let mut kept = [Scrambles::default(); KEPT];
         for (set, scrambles) in kept.iter_mut().enumerate() {
-            *scrambles = Scrambles::new(key, set as u32);
+            let (table, order) = SEQUENCES[set];
+            *scrambles =
+                Scrambles { table, index: indices[order as usize], ..Scrambles::of_seed(seeds[set]) };
         }
         Self { kind, key, tables: &TABLES, kept }
     }

@@ -47,7 +47,7 @@ impl Key {
     }
 }
 
-/// Counts of a bin.
+/// Counts of a bin, or of one ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct BinCounts {
     pub(super) rays: u64,
@@ -89,7 +89,7 @@ const EMPTY: Bin = Bin {
 /// Instances and alpha tests of a bin, where there are any.
 pub(super) type RareCounts = [u64; 2];
 
-/// The table: a power of two of bins, at most half of them used.
+/// The table: a power of two of bins, at most a quarter of them used, so that few rays need to search.
 #[derive(Clone, Debug)]
 pub(super) struct Bins {
     bins: Vec<Bin>,
@@ -100,7 +100,7 @@ pub(super) struct Bins {
 
 impl Bins {
     pub(super) fn new() -> Self {
-        Self { bins: vec![EMPTY; 256], rare: vec![[0; 2]; 256], used: 0 }
+        Self { bins: vec![EMPTY; 512], rare: vec![[0; 2]; 512], used: 0 }
     }
 
     /// Where the search for a key begins: Fibonacci hashing.
@@ -110,16 +110,19 @@ impl Bins {
     }
 
     #[inline(always)]
-    pub(super) fn add(&mut self, key: Key, counts: &BinCounts, rare: RareCounts) {
+    pub(super) fn add(&mut self, key: Key, counts: &BinCounts) {
         let mut index = self.first(key);
         if self.bins[index].key != key {
             index = self.find(key);
         }
         self.bins[index].counts.add(counts);
-        if rare[0] | rare[1] != 0 {
-            self.rare[index][0] += rare[0];
-            self.rare[index][1] += rare[1];
-        }
+    }
+
+    /// Adds instances and alpha tests.
+    pub(super) fn add_rare(&mut self, key: Key, rare: RareCounts) {
+        let index = self.find(key);
+        self.rare[index][0] += rare[0];
+        self.rare[index][1] += rare[1];
     }
 
     /// The bin of a key, made where there is none.
@@ -130,7 +133,7 @@ impl Bins {
             return place;
         }
         self.used += 1;
-        if 2 * self.used > self.bins.len() {
+        if 4 * self.used > self.bins.len() {
             let len = 2 * self.bins.len();
             let bins = std::mem::replace(&mut self.bins, vec![EMPTY; len]);
             let rare = std::mem::replace(&mut self.rare, vec![[0; 2]; len]);
@@ -162,7 +165,8 @@ impl Bins {
 
     pub(super) fn merge(&mut self, other: &Self) {
         for (key, counts, rare) in other.iter() {
-            self.add(key, counts, rare);
+            self.add(key, counts);
+            self.add_rare(key, rare);
         }
     }
 
@@ -201,7 +205,9 @@ mod tests {
                 shapes: 6,
             };
             let rare = [round % 3, round % 2];
-            if round % 3 == 0 { &mut other } else { &mut bins }.add(key, &counts, rare);
+            let into = if round % 3 == 0 { &mut other } else { &mut bins };
+            into.add(key, &counts);
+            into.add_rare(key, rare);
             let sums: &mut (BinCounts, RareCounts) = expected.entry(key).or_default();
             sums.0.add(&counts);
             sums.1[0] += rare[0];

@@ -1,11 +1,12 @@
 //! Booking rays while they are traced: a probe around the recorder's.
 //!
 //! Each worker has a [`Ledger`] of its own and merges it in the end; sums of integers do not depend on the order. What a
-//! visit costs: one look-up of its column, one addition; the spawner is booked once per ray.
+//! visit costs: one look-up of its place, one addition there; the spawner is booked once per ray. Visits inside an instance
+//! are added in a place of their own, and moved to the instance's when the ray leaves it: so no visit has to ask.
 
 use super::bins::{BinCounts, Bins, Key, RareCounts};
-use super::cells::{Aside, Cell, Cells, LEAVES, NODES, Pair};
-use super::payers::{Column, Payers, Tree};
+use super::cells::{Aside, Cells, LEAVES, NODES, Pair};
+use super::payers::{Column, Payers, Place, Tree};
 use super::rows::{Ledgers, MatrixRow, PayerRow, SpawnerRow, Traversal};
 use crate::recorder::{PathEnd, PathRecorder};
 use hotspot_probe::{NONE, Probe, RayKind, RayProbe, Spawner};
@@ -27,23 +28,23 @@ impl Ledger {
     /// not in the frame.
     #[inline(always)]
     pub fn path<'p>(&'p mut self, payers: &'p Payers, path: PathRecorder<'p>) -> BookedPath<'p> {
-        let (cells, aside) = self.cells.parts();
+        let (pairs, aside) = self.cells.parts();
         BookedPath {
-            tree: payers.tree(),
-            cells,
-            start: 0,
-            sums: [Pair::NOTHING; 2],
-            rare: [0; 2],
-            key: Key::new(0, NONE, 0, 0, RayKind::Camera),
-            inside: 0,
-            block: 0,
-            left: 0,
-            odd: false,
-            odd_sums: [[0; 2]; 2],
-            path,
-            payers,
-            aside,
-            bins: &mut self.bins,
+            pairs,
+            state: State {
+                tree: payers.tree(),
+                key: Key::new(0, NONE, 0, 0, RayKind::Camera),
+                rare: [0; 2],
+                inside: 0,
+                special: false,
+                before: [0; 2],
+                block: 0,
+                left: 0,
+                path,
+                payers,
+                aside,
+                bins: &mut self.bins,
+            },
         }
     }
 
@@ -109,76 +110,120 @@ impl Ledger {
     }
 }
 
-/// A path that is booked and recorded, and the ray that it is casting.
+/// A path that is booked and recorded.
 #[derive(Debug)]
 pub struct BookedPath<'p> {
-    tree: Tree<'p>,
-    cells: &'p mut [Cell],
-    /// Index of the first cell of the spawner of the ray.
-    start: usize,
-    /// Visits of the ray.
-    sums: [Pair; 2],
-    /// Its instances and alpha tests.
-    rare: RareCounts,
-    /// What sent it.
-    key: Key,
-    /// Slot of the instance that it is in.
-    inside: Column,
-    /// Column of its last leaf block.
-    block: Column,
-    /// Slot of the object that the path left last.
-    left: Column,
-    /// Whether there is anything in `odd_sums`: visits that `sums` cannot hold.
-    odd: bool,
-    odd_sums: [[u64; 2]; 2],
-    path: PathRecorder<'p>,
-    payers: &'p Payers,
-    aside: &'p mut Aside,
-    bins: &'p mut Bins,
+    /// What rays visited, by spawner and place.
+    pairs: &'p mut [Pair],
+    state: State<'p>,
 }
 
 impl BookedPath<'_> {
     /// Closes the path ([`PathRecorder::end`]).
     #[inline(always)]
     pub fn end(self, end: PathEnd) {
-        self.path.end(end);
+        self.state.path.end(end);
     }
+}
 
+/// A path, what is known of the ray that it is casting, and where they are booked but for visits.
+#[derive(Debug)]
+struct State<'p> {
+    tree: Tree<'p>,
+    /// What sent the ray.
+    key: Key,
+    /// Its instances and alpha tests; nothing between rays.
+    rare: RareCounts,
+    /// Slot of the instance that it is in; the scene's between rays.
+    inside: Column,
+    /// Whether there is anything in `rare`.
+    special: bool,
+    /// Nodes and blocks that it visited before its last instance; nothing between rays.
+    before: [u64; 2],
+    /// Slot of its last leaf block before that instance.
+    block: Column,
+    /// Where in [`Aside`] is kept how paths went on from the object that the path left last.
+    left: usize,
+    path: PathRecorder<'p>,
+    payers: &'p Payers,
+    aside: &'p mut Aside,
+    bins: &'p mut Bins,
+}
+
+impl State<'_> {
     #[inline(always)]
-    fn visit(&mut self, column: Column, pair: usize, boxes: u32) {
-        let cell = self.start + usize::from(column);
-        let Some(visit) = Pair::visit(boxes) else {
-            self.aside.odd_visit(cell, pair, boxes);
-            return self.odd_visit(pair, [1, u64::from(boxes)]);
-        };
-        let sum = &mut self.cells[cell][pair];
-        if sum.add(visit) {
-            self.aside.empty(cell, pair, sum);
-        }
-        if self.sums[pair].add(visit) {
-            let full = self.sums[pair].take();
-            self.odd_visit(pair, full);
-        }
+    fn key_of(&self, spawner: Column, by: Spawner) -> Key {
+        // Only shadow rays aim.
+        let light = if by.light == NONE { 0 } else { self.payers.light(by.light) };
+        Key::new(spawner, by.material, light, by.bounce, by.kind)
     }
 
+    /// A visit of very many boxes, or beyond every row.
     #[cold]
     #[inline(never)]
-    fn odd_visit(&mut self, pair: usize, [visits, boxes]: [u64; 2]) {
-        self.odd = true;
-        self.odd_sums[pair][0] += visits;
-        self.odd_sums[pair][1] += boxes;
+    fn odd_visit(&mut self, id: u32, pair: usize, boxes: u32) {
+        let spawner = self.key.object();
+        let place = if pair == NODES { self.tree.node(id) } else { self.tree.block(id) };
+        match place.filter(|place| usize::from(*place) < self.aside.row(0).end) {
+            Some(place) => self.aside.odd_visits(spawner, place, [1, u64::from(boxes)]),
+            None => {
+                let triangles = if pair == LEAVES { self.payers.stray(id) } else { &[] };
+                self.aside.visit_nowhere(spawner, pair, boxes, triangles);
+            }
+        }
     }
 
-    /// The ray's nodes with their boxes, and leaf blocks with their triangles.
-    #[inline(always)]
-    fn sums(&mut self) -> [[u64; 2]; 2] {
-        let mut sums = self.sums.map(Pair::split);
-        if self.odd {
-            let odd = std::mem::take(&mut self.odd_sums);
-            sums = [NODES, LEAVES].map(|pair| [sums[pair][0] + odd[pair][0], sums[pair][1] + odd[pair][1]]);
-            self.odd = false;
+    /// Takes a full pair out of the spawner's row.
+    #[cold]
+    #[inline(never)]
+    fn empty(&mut self, row: &mut [Pair], place: Place) {
+        self.aside.odd_visits(self.key.object(), place, row[usize::from(place)].take());
+    }
+
+    /// The ray enters an instance, after so many visits of nodes and blocks since the last, `block` the last of them.
+    #[inline(never)]
+    fn enter(&mut self, row: &mut [Pair], id: u32, visits: [u32; 2], block: u32) {
+        let spawner = self.key.object();
+        self.block = self.slot_of_block(block);
+        self.aside.leave(spawner, row, self.inside);
+        self.inside = self.payers.instance(id);
+        self.aside.instance(spawner, self.inside);
+        self.rare[0] += 1;
+        self.before[NODES] += u64::from(visits[NODES]);
+        self.before[LEAVES] += u64::from(visits[LEAVES]);
+        self.special = true;
+    }
+
+    /// The slot that pays for what happens in the ray's last block, if that is after its last instance.
+    fn slot_of_block(&self, block: u32) -> Column {
+        if block == NONE {
+            self.block
+        } else {
+            self.payers.slot_of_block(self.tree.block(block), self.inside)
         }
-        sums
+    }
+
+    /// A hit on a block was asked whether it is there.
+    #[inline(never)]
+    fn alpha_test(&mut self, block: u32) {
+        self.aside.alpha_test(self.key.object(), self.slot_of_block(block));
+        self.rare[1] += 1;
+        self.special = true;
+    }
+
+    /// Books what few rays have, of one that ends: nodes and blocks before its last instance, and its instances.
+    #[inline(never)]
+    fn finish_special(&mut self, row: &mut [Pair]) -> [u64; 3] {
+        let rare = std::mem::take(&mut self.rare);
+        self.bins.add_rare(self.key, rare);
+        if rare[0] > 0 {
+            self.aside.leave(self.key.object(), row, self.inside);
+            self.inside = 0;
+        }
+        self.special = false;
+        self.block = 0;
+        let [nodes, leaves] = std::mem::take(&mut self.before);
+        [nodes, leaves, rare[0]]
     }
 }
 
@@ -191,102 +236,117 @@ impl<'p> Probe for BookedPath<'p> {
 
     #[inline(always)]
     fn ray(&mut self, by: Spawner) -> BookedRay<'_, 'p> {
-        let spawner = self.payers.slot(by.object);
+        let state = &mut self.state;
+        let spawner = state.payers.slot(by.object);
         if by.kind == RayKind::Bounce {
             // The path is where it leaves from: its last ray but for shadow rays has landed there.
-            self.aside.landed(self.left, spawner);
-            self.left = spawner;
+            state.left = state.aside.landed(state.left, spawner);
         }
-        self.path.untraced(by);
-        self.start = self.aside.start(spawner);
-        self.sums = [Pair::NOTHING; 2];
-        self.rare = [0; 2];
-        self.key = Key::new(spawner, by.material, self.payers.light(by.light), by.bounce, by.kind);
-        self.inside = 0;
-        self.block = 0;
-        BookedRay { path: self }
+        state.path.untraced(by);
+        state.key = state.key_of(spawner, by);
+        let row = &mut self.pairs[state.aside.row(spawner)];
+        let shadow = by.kind == RayKind::Shadow;
+        BookedRay { state, row, nodes: 0, boxes: 0, leaves: 0, shapes: 0, block: NONE, shadow }
     }
 
     #[inline(always)]
     fn untraced(&mut self, by: Spawner) {
-        self.path.untraced(by);
-        let object = self.payers.slot(by.object);
-        let key = Key::new(object, by.material, self.payers.light(by.light), by.bounce, by.kind);
-        self.bins.add(key, &BinCounts { rays: 1, ..BinCounts::default() }, [0; 2]);
+        let state = &mut self.state;
+        state.path.untraced(by);
+        let key = state.key_of(state.payers.slot(by.object), by);
+        state.bins.add(key, &BinCounts { rays: 1, ..BinCounts::default() });
     }
 
     #[inline(always)]
     fn bsdf(&mut self, evaluations: u32) {
-        self.path.bsdf(evaluations);
+        self.state.path.bsdf(evaluations);
     }
 
     #[inline(always)]
     fn texture(&mut self, lookups: u32, bytes: u32) {
-        self.path.texture(lookups, bytes);
+        self.state.path.texture(lookups, bytes);
     }
 
     #[inline(always)]
     fn light(&mut self, left: u32, luminance: f32) {
-        self.path.light(left, luminance);
+        self.state.path.light(left, luminance);
     }
 }
 
-/// A ray that is booked and counted. All of it stands in its path: traversals are calls, and one address is handed over faster
-/// than twenty words.
+/// A ray that is booked and counted; it must be finished. What changes with each visit is held by value, so that it can stay
+/// in registers; the rest stands in its path, since traversals may be calls and few words are handed over faster than many.
 #[derive(Debug)]
 pub struct BookedRay<'r, 'p> {
-    path: &'r mut BookedPath<'p>,
+    state: &'r mut State<'p>,
+    /// The spawner's row, by place.
+    row: &'r mut [Pair],
+    /// Visits, since it entered an instance, and boxes. Of two types, or else the compiler keeps both in one vector, which takes
+    /// three times the instructions. No tree has as many as 2^32 nodes or blocks, and a ray visits each once.
+    nodes: u32,
+    boxes: u64,
+    leaves: u32,
+    shapes: u64,
+    /// Its last leaf block since it entered an instance, [`NONE`] without one.
+    block: u32,
+    shadow: bool,
+}
+
+impl BookedRay<'_, '_> {
+    #[inline(always)]
+    fn visit(&mut self, id: u32, place: Option<Place>, pair: usize, boxes: u32) {
+        if let Some(place) = place
+            && let Some(sum) = self.row.get_mut(usize::from(place))
+            && let Some(visit) = Pair::visit(boxes)
+        {
+            if sum.add(visit) {
+                self.state.empty(self.row, place);
+            }
+        } else {
+            self.state.odd_visit(id, pair, boxes);
+        }
+    }
 }
 
 impl RayProbe for BookedRay<'_, '_> {
     #[inline(always)]
     fn node(&mut self, id: u32, boxes: u32) {
-        let column = self.path.tree.node(id, self.path.inside);
-        self.path.visit(column, NODES, boxes);
+        self.nodes = self.nodes.wrapping_add(1);
+        self.boxes += u64::from(boxes);
+        self.visit(id, self.state.tree.node(id), NODES, boxes);
     }
 
     #[inline(always)]
     fn leaf(&mut self, id: u32, shapes: u32) {
-        let path = &mut *self.path;
-        match path.tree.block(id, path.inside) {
-            Some(column) => {
-                path.block = column;
-                path.visit(column, LEAVES, shapes);
-            }
-            None => {
-                path.block = 0;
-                path.aside.stray_visit(path.start, path.payers.stray(id));
-                path.odd_visit(LEAVES, [1, u64::from(shapes)]);
-            }
-        }
+        self.leaves = self.leaves.wrapping_add(1);
+        self.shapes += u64::from(shapes);
+        self.block = id;
+        self.visit(id, self.state.tree.block(id), LEAVES, shapes);
     }
 
     #[inline(always)]
     fn instance(&mut self, id: u32) {
-        let path = &mut *self.path;
-        path.inside = path.payers.instance(id);
-        path.rare[0] += 1;
-        path.aside.instance(path.key.object(), path.inside);
+        let visits = [std::mem::take(&mut self.nodes), std::mem::take(&mut self.leaves)];
+        let block = std::mem::replace(&mut self.block, NONE);
+        self.state.enter(self.row, id, visits, block);
     }
 
     #[inline(always)]
     fn alpha(&mut self, lookups: u32, bytes: u32) {
-        let path = &mut *self.path;
-        path.path.add_alpha(lookups, bytes);
-        path.rare[1] += 1;
-        // Blocks of several objects are the scene's.
-        let payer = if path.payers.is_slot(path.block) { path.block } else { 0 };
-        path.aside.alpha_test(path.key.object(), payer);
+        self.state.path.add_alpha(lookups, bytes);
+        self.state.alpha_test(self.block);
     }
 
     #[inline(always)]
     fn finish(self, hit: bool) {
-        let path = self.path;
-        let [[nodes, boxes], [leaves, shapes]] = path.sums();
-        let shadow = path.key.kind() == RayKind::Shadow;
-        path.path.add_traversal(shadow, [nodes, boxes, leaves, shapes, path.rare[0]], hit);
+        let Self { state, row, boxes, shapes, shadow, .. } = self;
+        let (mut nodes, mut leaves, mut instances) = (u64::from(self.nodes), u64::from(self.leaves), 0);
+        if state.special {
+            let before = state.finish_special(row);
+            (nodes, leaves, instances) = (nodes + before[NODES], leaves + before[LEAVES], before[2]);
+        }
+        state.path.add_traversal(shadow, [nodes, boxes, leaves, shapes, instances], hit);
         let blocked = if hit && shadow { nodes + shapes } else { 0 };
         let counts = BinCounts { rays: 1, hits: u64::from(hit), blocked, nodes, boxes, leaves, shapes };
-        path.bins.add(path.key, &counts, path.rare);
+        state.bins.add(state.key, &counts);
     }
 }

@@ -33,10 +33,12 @@ pub struct PayerDesc {
 /// objects; above these, in tables of blocks, sets of objects.
 pub(super) type Column = u16;
 
-/// Stands for the instance that the ray is in.
-const INSIDE: Column = Column::MAX;
-/// A block of several objects without a column: it is in `strays`.
-const STRAY: Column = Column::MAX - 1;
+/// Where in a spawner's row a visit is booked: twice the column for nodes, one more for leaf blocks. What the tables of a tree
+/// hold, so that a visit need not reckon.
+pub(super) type Place = u16;
+
+/// Beyond every row: blocks of several objects without a column, which are in `strays`.
+const NOWHERE: Place = Place::MAX;
 
 /// Most slots: the matrix holds the square of it.
 const MOST_SLOTS: usize = 1024;
@@ -45,14 +47,22 @@ const MOST_LIGHTS: usize = 64;
 /// Most sets of objects that have a column: those of the most blocks.
 const MOST_SETS: usize = 1024;
 
+const fn node_place(column: Column) -> Place {
+    column << 1
+}
+
+const fn block_place(column: Column) -> Place {
+    column << 1 | 1
+}
+
 /// Objects (by slot) with how many triangles each has in a block.
 type Set = Vec<(Column, u64)>;
 
 /// The tables.
 #[derive(Clone, Debug, Default)]
 pub struct Payers {
-    nodes: Vec<Column>,
-    blocks: Vec<Column>,
+    nodes: Vec<Place>,
+    blocks: Vec<Place>,
     /// Blocks with several objects, by column above the slots.
     sets: Vec<Set>,
     /// Slots of the triangles of blocks with several objects and no column.
@@ -96,15 +106,6 @@ impl Payers {
         }
         objects.push(count as u32);
         let of = |object: u32| slots.get(object as usize).copied().unwrap_or(shared);
-        let nodes = desc
-            .nodes
-            .iter()
-            .map(|payer| match payer {
-                Payer::Object(object) => of(*object),
-                Payer::Scene(_) => 0,
-                Payer::Instance => INSIDE,
-            })
-            .collect();
         let set_of = |triangles: &[u32]| {
             let mut set: BTreeMap<Column, u64> = BTreeMap::new();
             for object in triangles {
@@ -125,18 +126,31 @@ impl Payers {
         let sets: Vec<Set> = sets.into_iter().map(|(_, set)| set).collect();
         let first_set = shared + 1;
         let columns: BTreeMap<&Set, Column> = sets.iter().zip(first_set..).collect();
+        let inside = first_set + sets.len() as Column;
+        let nodes = desc
+            .nodes
+            .iter()
+            .map(|payer| match payer {
+                Payer::Object(object) => node_place(of(*object)),
+                Payer::Scene(_) => node_place(0),
+                Payer::Instance => node_place(inside),
+            })
+            .collect();
         let mut strays = BTreeMap::new();
         let blocks = desc
             .blocks
             .iter()
             .zip(0..)
             .map(|(payer, id)| match payer {
-                Payer::Object(object) => of(*object),
-                Payer::Scene(triangles) => columns.get(&set_of(triangles)).copied().unwrap_or_else(|| {
-                    strays.insert(id, triangles.iter().map(|object| of(*object)).collect());
-                    STRAY
-                }),
-                Payer::Instance => INSIDE,
+                Payer::Object(object) => block_place(of(*object)),
+                Payer::Scene(triangles) => match columns.get(&set_of(triangles)) {
+                    Some(column) => block_place(*column),
+                    None => {
+                        strays.insert(id, triangles.iter().map(|object| of(*object)).collect());
+                        NOWHERE
+                    }
+                },
+                Payer::Instance => block_place(inside),
             })
             .collect();
         let instances = desc.instances.iter().map(|object| of(*object)).collect();
@@ -148,8 +162,13 @@ impl Payers {
         self.objects.len() + 1
     }
 
-    /// Columns of the matrix: slots, then sets of objects.
+    /// Columns of the matrix: slots, then sets of objects, then the one of [`Self::inside`].
     pub(super) const fn columns(&self) -> usize {
+        self.count() + self.sets.len() + 1
+    }
+
+    /// The column where visits of the instance that a ray is in stay until it leaves that.
+    pub(super) const fn inside(&self) -> usize {
         self.count() + self.sets.len()
     }
 
@@ -158,10 +177,14 @@ impl Payers {
         column.checked_sub(self.count()).and_then(|set| self.sets.get(set)).map_or(&[][..], Vec::as_slice)
     }
 
-    /// Whether the column is one object's (or the scene's).
-    #[inline(always)]
-    pub(super) const fn is_slot(&self, column: Column) -> bool {
-        (column as usize) < self.count()
+    /// The slot that pays for what happens in a block at a place, of a ray that is in the instance of slot `inside`: for blocks
+    /// of several objects the scene.
+    pub(super) fn slot_of_block(&self, place: Option<Place>, inside: Column) -> Column {
+        match place.map(|place| place >> 1) {
+            Some(column) if usize::from(column) < self.count() => column,
+            Some(column) if usize::from(column) == self.inside() => inside,
+            _ => 0,
+        }
     }
 
     /// How many objects share an entry.
@@ -193,8 +216,6 @@ impl Payers {
     }
 
     /// The slots of a block's triangles, where it has no column.
-    #[cold]
-    #[inline(never)]
     pub(super) fn stray(&self, id: u32) -> &[Column] {
         self.strays.get(&id).map_or(&[][..], Vec::as_slice)
     }
@@ -218,32 +239,24 @@ impl Payers {
     }
 }
 
-/// Columns of nodes and blocks.
+/// Places of nodes and blocks.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tree<'a> {
-    nodes: &'a [Column],
-    blocks: &'a [Column],
+    nodes: &'a [Place],
+    blocks: &'a [Place],
 }
 
 impl Tree<'_> {
-    /// The column of a node; `inside`: of the instance that the ray is in.
+    /// The place of a node, `None` for one that does not exist.
     #[inline(always)]
-    pub(super) fn node(&self, id: u32, inside: Column) -> Column {
-        match self.nodes.get(id as usize) {
-            Some(&INSIDE) => inside,
-            Some(&column) => column,
-            None => 0,
-        }
+    pub(super) fn node(&self, id: u32) -> Option<Place> {
+        self.nodes.get(id as usize).copied()
     }
 
-    /// The column of a leaf block; `None`: its triangles are to be booked one by one ([`Payers::stray`]).
+    /// The place of a leaf block, `None` for one that does not exist; beyond every row where its triangles are to be booked one
+    /// by one ([`Payers::stray`]).
     #[inline(always)]
-    pub(super) fn block(&self, id: u32, inside: Column) -> Option<Column> {
-        match self.blocks.get(id as usize) {
-            Some(&INSIDE) => Some(inside),
-            Some(&STRAY) => None,
-            Some(&column) => Some(column),
-            None => Some(0),
-        }
+    pub(super) fn block(&self, id: u32) -> Option<Place> {
+        self.blocks.get(id as usize).copied()
     }
 }
