@@ -38,7 +38,7 @@ impl Quality {
     const fn parameters(self) -> Parameters {
         match self {
             Self::Fast => Parameters { distance: 2, reinserted: 0.01 },
-            Self::Medium => Parameters { distance: 6, reinserted: 0.05 },
+            Self::Medium => Parameters { distance: 6, reinserted: 0.03 },
             Self::High => Parameters { distance: 14, reinserted: 0.2 },
         }
     }
