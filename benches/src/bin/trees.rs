@@ -67,7 +67,7 @@ fn main() {
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
         let mut value = || words.next().unwrap_or_else(|| panic!("{word} wants a value"));
-        let number = |value: &str| value.parse().unwrap_or_else(|e| panic!("{value}: {e}"));
+        let number = |value: &str| value.parse::<usize>().unwrap_or_else(|e| panic!("{value}: {e}"));
         match word.as_str() {
             "--rounds" => rounds = number(&value()).max(1),
             "--size" => size = number(&value()) as u32 / 16 * 16,

@@ -44,7 +44,7 @@ impl Quality {
         // the first round.
         let (distance, reinserted) = match self {
             Self::Fast => (2, 0.01),
-            Self::Medium => (6, 0.05),
+            Self::Medium => (6, 0.03),
             Self::High => (14, 0.2),
             Self::Obvhs => return obvhs::build(count, leaf),
         };

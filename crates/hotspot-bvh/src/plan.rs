@@ -100,10 +100,11 @@ impl Plans {
 
     /// The root of the segment that a node of the top stands for.
     fn resolved(&self, place: Place) -> Place {
-        if place.segment as usize + 1 == self.segments.len() && self.segments.len() > 1 {
-            if let Some(segment) = self.at(place).primitive() {
-                return Place { segment, index: self.segments[segment as usize].len() as u32 - 1 };
-            }
+        if place.segment as usize + 1 == self.segments.len()
+            && self.segments.len() > 1
+            && let Some(segment) = self.at(place).primitive()
+        {
+            return Place { segment, index: self.segments[segment as usize].len() as u32 - 1 };
         }
         place
     }
@@ -129,7 +130,8 @@ pub(crate) fn plan(nodes: &[BinaryNode], triangles: u32) -> Plans {
     let roots = if tasks::worthwhile(nodes.len() / 2) { level(nodes) } else { Vec::new() };
     let mut parts: Vec<(Vec<Planned>, Waiting)> = Vec::new();
     parts.par_extend(roots.par_iter().with_max_len(1).map(|&root| {
-        let mut planned = Vec::new();
+        // As many as there would be if all were equal.
+        let mut planned = Vec::with_capacity(nodes.len() / roots.len());
         let root = subtree(nodes, triangles, root, |_| None, &mut planned);
         (planned, root)
     }));
@@ -255,9 +257,9 @@ fn join(l: &mut Waiting, r: &Waiting) -> Plan {
     // Forests do not get dearer with their number: up to how many one is as good; with more allowed than can be, as with those.
     let last = most.min(WIDTH - 1);
     let mut up_to = 1;
-    for count in 2..=last {
-        up_to += u32::from(single <= forest[count]);
-        l.cost[count - 1] = single.min(forest[count]);
+    for (cost, &forest) in l.cost[1..last].iter_mut().zip(&forest[2..]) {
+        up_to += u32::from(single <= forest);
+        *cost = single.min(forest);
     }
     let up_to = if up_to as usize == last { WIDTH as u32 - 1 } else { up_to };
     (l.bounds, l.size, l.most) = (bounds, size, most as u32);
