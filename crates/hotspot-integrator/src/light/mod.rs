@@ -31,6 +31,7 @@ mod patches;
 mod punctual;
 #[cfg(test)]
 mod sampling_tests;
+mod steps;
 #[cfg(test)]
 mod tests;
 mod triangles;
