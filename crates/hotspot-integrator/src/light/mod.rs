@@ -34,6 +34,7 @@ mod sampling_tests;
 mod steps;
 #[cfg(test)]
 mod tests;
+mod trees;
 mod triangles;
 mod windows;
 
