@@ -5,18 +5,20 @@
 //! its distance, how much of it faces the point, and whether it is above the point's horizon; a triangle within it by its
 //! power times the cosine of its normal with the direction in which the point lies. That direction is rounded to one of a
 //! number of bins over the octahedron (Meyer et al., *On Floating-Point Normal Vectors*, 2010), each with a distribution made
-//! beforehand, so that a choice takes no longer than by power. Within a group triangles follow a Hilbert curve over the
+//! beforehand ([`trees`](super::trees)), and the groups are weighed eight at a time, so that a choice takes little longer than
+//! by power. Within a group triangles follow a Hilbert curve over the
 //! octahedron of their directions from the group's centre: neighbouring numbers choose neighbouring triangles, and stratified
 //! numbers stay stratified on the lamp; two equal neighbours are one patch ([`patches`](super::patches)).
 //!
 //! A share of each choice goes by power alone ([`DEFENSIVE`]): what the rounded direction or the bounds misjudge is still
 //! sampled, so the estimate stays unbiased and its weights bounded.
 
-use super::guided::Guided;
 use super::patches::{Patch, Place};
+use super::trees::{Node, Trees};
 use super::triangles::LightTriangle;
 use crate::geometry::Geometry;
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 
 /// Share of each choice that goes by power alone.
 const DEFENSIVE: f32 = 0.1;
@@ -31,10 +33,18 @@ const FLAT: f32 = 0.999;
 /// Added to the cosine: triangles just behind the horizon of a bin's middle are seen from elsewhere in the bin.
 const SLACK: f32 = 0.08;
 
+/// Groups that are weighed at once.
+const LANES: usize = 8;
+const BLOCKS: usize = MOST_GROUPS.div_ceil(LANES);
+
 /// The groups of a scene.
 #[derive(Debug)]
 pub(super) struct Facing {
     groups: Vec<Group>,
+    /// What choosing one reads of each.
+    blocks: [Block; BLOCKS],
+    /// Of each group: how much of its power faces the directions of each bin, [`EDGE`]² of them.
+    facing: Vec<f32>,
     /// From a triangle's number to group, patch in it, and index into the lights; by number less `first`.
     place_of: Vec<[u32; 3]>,
     first: u32,
@@ -42,19 +52,44 @@ pub(super) struct Facing {
 
 #[derive(Debug)]
 struct Group {
+    outline: Outline,
+    /// One distribution over the patches for each bin.
+    trees: Trees,
+    /// The patches, in the order of the distributions.
+    order: Vec<Patch>,
+}
+
+/// What is known of a group from afar.
+#[derive(Clone, Copy, Debug)]
+struct Outline {
     centre: Vec3,
     radius: f32,
     power: f32,
     /// Share of all groups' power.
     share: f32,
     /// Bins along an edge of the octahedron's square.
-    edge: usize,
-    /// Of each bin: how much of the power faces it.
-    facing: Vec<f32>,
-    /// One distribution for each bin.
-    guided: Guided,
-    /// The patches, in the order of the distributions.
-    order: Vec<Patch>,
+    edge: f32,
+}
+
+/// Outlines side by side, those that are missing without power.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(32))]
+struct Block {
+    centre: [[f32; LANES]; 3],
+    radius: [f32; LANES],
+    power: [f32; LANES],
+    share: [f32; LANES],
+    edge: [f32; LANES],
+}
+
+/// The groups, seen from somewhere.
+struct Seen {
+    /// In what proportion they are chosen, if their sum is a positive number.
+    weights: [[f32; LANES]; BLOCKS],
+    /// The bin in which the point lies.
+    bins: [[f32; LANES]; BLOCKS],
+    /// What to multiply a weight by; 0: choose by power.
+    scale: f32,
 }
 
 /// A chosen place on the lights.
@@ -80,71 +115,80 @@ impl Facing {
         }
         let total: f64 = lights.iter().map(|l| l.probability).sum();
         let mut place_of = vec![[0; 3]; (last - first) as usize + 1];
-        let groups: Vec<Group> = members
-            .into_iter()
-            .enumerate()
-            .map(|(g, patches)| {
-                let group = Group::new(lights, geometry, patches.to_vec(), total);
-                for (place, patch) in group.order.iter().enumerate() {
-                    for index in patch.triangles() {
-                        let primitive = lights[index as usize].primitive;
-                        place_of[(primitive - first) as usize] = [g as u32, place as u32, index];
-                    }
+        let mut groups = Vec::with_capacity(members.len());
+        let mut facing = Vec::with_capacity(members.len() * EDGE * EDGE);
+        let mut blocks = [Block::default(); BLOCKS];
+        for (g, patches) in members.into_iter().enumerate() {
+            let group = Group::new(lights, geometry, patches.to_vec(), total, &mut facing);
+            facing.resize((g + 1) * EDGE * EDGE, 0.0);
+            blocks[g / LANES].set(g % LANES, &group.outline);
+            for (place, patch) in group.order.iter().enumerate() {
+                for index in patch.triangles() {
+                    let primitive = lights[index as usize].primitive;
+                    place_of[(primitive - first) as usize] = [g as u32, place as u32, index];
                 }
-                group
-            })
-            .collect();
-        Some(Self { groups, place_of, first })
+            }
+            groups.push(group);
+        }
+        Some(Self { groups, blocks, facing, place_of, first })
     }
 
-    /// Weights of the groups as seen from a surface at `p` with normal `n`, and their sum.
+    /// The groups as seen from a surface at `p` with normal `n`.
     #[inline(always)]
-    fn weights(&self, p: Vec3, n: Vec3) -> ([f32; MOST_GROUPS], f32) {
-        let mut weights = [0.0; MOST_GROUPS];
+    fn seen(&self, p: Vec3, n: Vec3) -> Seen {
+        let mut seen = Seen { weights: [[0.0; LANES]; BLOCKS], bins: [[0.0; LANES]; BLOCKS], scale: 0.0 };
+        let count = self.groups.len();
+        if count == 1 {
+            seen.bins[0][0] = self.groups[0].outline.bin(p);
+            return seen;
+        }
         let mut sum = 0.0;
-        if self.groups.len() > 1 {
-            for (weight, group) in weights.iter_mut().zip(&self.groups) {
-                *weight = group.weight(p, n);
+        for (b, block) in self.blocks[..count.div_ceil(LANES)].iter().enumerate() {
+            (seen.weights[b], seen.bins[b]) = block.weigh(p, n);
+            let facing = self.facing.chunks_exact(EDGE * EDGE).skip(b * LANES);
+            for ((weight, bin), facing) in seen.weights[b].iter_mut().zip(&seen.bins[b]).zip(facing) {
+                *weight *= facing[*bin as usize];
                 sum += *weight;
             }
         }
-        (weights, sum)
+        if sum > 0.0 && sum.is_finite() {
+            seen.scale = (1.0 - DEFENSIVE) / sum;
+        }
+        seen
     }
 
-    /// Probability of a group, from [`Facing::weights`].
+    /// Probability of a group, and the bin of its distribution.
     #[inline(always)]
-    fn probability(&self, group: usize, weights: &([f32; MOST_GROUPS], f32)) -> f32 {
-        let share = self.groups[group].share;
-        if self.groups.len() == 1 {
+    fn probability(&self, group: usize, seen: &Seen) -> (f32, usize) {
+        let (block, lane) = (group / LANES, group % LANES);
+        let share = self.blocks[block].share[lane];
+        let probability = if self.groups.len() == 1 {
             1.0
-        } else if weights.1 > 0.0 && weights.1.is_finite() {
-            DEFENSIVE * share + (1.0 - DEFENSIVE) * (weights.0[group] / weights.1)
+        } else if seen.scale > 0.0 {
+            DEFENSIVE * share + seen.scale * seen.weights[block][lane]
         } else {
             share
-        }
+        };
+        (probability, seen.bins[block][lane] as usize)
     }
 
     /// A place, by two numbers in [0, 1).
     #[inline(always)]
     pub(super) fn choose(&self, p: Vec3, n: Vec3, u: f32, v: f32) -> Chosen {
-        let weights = self.weights(p, n);
+        let seen = self.seen(p, n);
         let mut rest = u;
         let mut index = 0;
-        let mut probability = self.probability(0, &weights);
+        let (mut probability, mut bin) = self.probability(0, &seen);
         while rest >= probability && index + 1 < self.groups.len() {
             rest -= probability;
             index += 1;
-            probability = self.probability(index, &weights);
+            (probability, bin) = self.probability(index, &seen);
         }
         let rest = (rest / probability).clamp(0.0, 1.0 - f32::EPSILON);
         let group = &self.groups[index];
-        let bin = group.bin(p);
-        let (index, rest) = group.guided.sample(bin, rest);
+        let (index, rest, within) = group.trees.sample(bin, rest);
         let patch = &group.order[index];
-        Chosen {
-            place: patch.place(rest, v),
-            probability: probability * group.guided.probability(bin, index) * patch.share(),
-        }
+        Chosen { place: patch.place(rest, v), probability: probability * within * patch.share() }
     }
 
     /// The light with this primitive, which must be one, and the probability with which [`Facing::choose`] takes it.
@@ -152,14 +196,21 @@ impl Facing {
     pub(super) fn probability_of(&self, p: Vec3, n: Vec3, primitive: u32) -> (u32, f32) {
         let [index, place, light] = self.place_of[(primitive - self.first) as usize];
         let group = &self.groups[index as usize];
-        let weights = self.weights(p, n);
-        let within = group.guided.probability(group.bin(p), place as usize);
-        (light, self.probability(index as usize, &weights) * within * group.order[place as usize].share())
+        let (probability, bin) = self.probability(index as usize, &self.seen(p, n));
+        let within = group.trees.probability(bin, place as usize);
+        (light, probability * within * group.order[place as usize].share())
     }
 }
 
 impl Group {
-    fn new(lights: &[LightTriangle], geometry: &Geometry, mut order: Vec<Patch>, total: f64) -> Self {
+    /// Appends to `facing` how much of its power faces each bin.
+    fn new(
+        lights: &[LightTriangle],
+        geometry: &Geometry,
+        mut order: Vec<Patch>,
+        total: f64,
+        facing: &mut Vec<f32>,
+    ) -> Self {
         let corners =
             |i: u32| geometry.triangles[lights[i as usize].primitive as usize].map(Vec3::from_array);
         let middle = |i: u32| corners(i).iter().sum::<Vec3>() / 3.0;
@@ -180,9 +231,11 @@ impl Group {
         while edge > 1 && edge * edge * order.len() > MOST_ENTRIES {
             edge /= 2;
         }
-        let mut guided = Guided::with_capacity(edge * edge, order.len());
-        let mut facing = Vec::with_capacity(edge * edge);
-        for bin in 0..edge * edge {
+        let power_of: Vec<f64> = order.iter().map(|patch| patch.power(lights)).collect();
+        let mut trees = Trees::new(edge * edge, order.len());
+        let shape = trees.shape();
+        // Each bin's share of the power that faces it, while its distribution is made.
+        let weigh = |(bin, nodes): (usize, &mut [Node])| {
             let at = Vec2::new((bin % edge) as f32 + 0.5, (bin / edge) as f32 + 0.5) / edge as f32;
             let towards = from_octahedron(at);
             let seen_of = |i: u32| {
@@ -192,57 +245,78 @@ impl Group {
                 let cos = if light.two_sided { cos.abs() } else { cos };
                 light.probability * f64::from((cos + SLACK).max(0.0) / (1.0 + SLACK))
             };
-            let seen = |patch: &Patch| patch.triangles().map(seen_of).sum::<f64>();
-            let sum: f64 = order.iter().map(seen).sum();
-            facing.push((sum / power).max(1e-3) as f32);
+            let seen: Vec<f64> = order.iter().map(|patch| patch.triangles().map(seen_of).sum()).collect();
+            let sum: f64 = seen.iter().sum();
             let defensive = if sum > 0.0 { f64::from(DEFENSIVE) * sum / power } else { 1.0 };
-            guided.push(
-                order.iter().map(|patch| {
-                    (1.0 - f64::from(DEFENSIVE)) * seen(patch) + defensive * patch.power(lights)
-                }),
-            );
+            let weight = |(seen, power): (&f64, &f64)| {
+                (((1.0 - f64::from(DEFENSIVE)) * seen + defensive * power) / total) as f32
+            };
+            shape.fill(nodes, seen.iter().zip(&power_of).map(weight).collect());
+            (sum / power).max(1e-3) as f32
+        };
+        facing.par_extend(trees.nodes().enumerate().collect::<Vec<_>>().into_par_iter().map(weigh));
+        let outline =
+            Outline { centre, radius, power: power as f32, share: (power / total) as f32, edge: edge as f32 };
+        Self { outline, trees, order }
+    }
+}
+
+impl Outline {
+    /// The bin of the direction from the centre to `p`: below the square of `edge`.
+    #[inline(always)]
+    fn bin(&self, p: Vec3) -> f32 {
+        bin(p - self.centre, self.edge)
+    }
+}
+
+impl Block {
+    fn set(&mut self, lane: usize, outline: &Outline) {
+        for (axis, at) in outline.centre.to_array().into_iter().enumerate() {
+            self.centre[axis][lane] = at;
         }
-        Self {
-            centre,
-            radius,
-            power: power as f32,
-            share: (power / total) as f32,
-            edge,
-            facing,
-            guided,
-            order,
-        }
+        self.radius[lane] = outline.radius;
+        self.power[lane] = outline.power;
+        self.share[lane] = outline.share;
+        self.edge[lane] = outline.edge;
     }
 
-    /// The bin of the direction from the centre to `p`.
+    /// Weight of each group at a surface at `p` with normal `n`, but for how much of it faces there, and the bin in which
+    /// `p` lies. Without branches, so that compilers do all of them at once.
     #[inline(always)]
-    fn bin(&self, p: Vec3) -> usize {
-        let at = octahedron(p - self.centre) * self.edge as f32;
-        let cell = |x: f32| (x as usize).min(self.edge - 1);
-        cell(at.y) * self.edge + cell(at.x)
+    fn weigh(&self, p: Vec3, n: Vec3) -> ([f32; LANES], [f32; LANES]) {
+        let (mut weights, mut bins) = ([0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            let d = Vec3::new(self.centre[0][i], self.centre[1][i], self.centre[2][i]) - p;
+            let radius = self.radius[i];
+            let distance2 = d.length_squared();
+            let distance = distance2.sqrt();
+            // The most that the cosine at the point can be, to first order.
+            let cos = if distance > radius { ((n.dot(d) + radius) / distance).clamp(0.02, 1.0) } else { 1.0 };
+            weights[i] = self.power[i] * cos / distance2.max(radius * radius);
+            bins[i] = bin(-d, self.edge[i]);
+        }
+        (weights, bins)
     }
+}
 
-    #[inline(always)]
-    fn weight(&self, p: Vec3, n: Vec3) -> f32 {
-        let d = self.centre - p;
-        let distance2 = d.length_squared();
-        let distance = distance2.sqrt();
-        // The most that the cosine at the point can be, to first order.
-        let cos =
-            if distance > self.radius { ((n.dot(d) + self.radius) / distance).clamp(0.02, 1.0) } else { 1.0 };
-        self.power * self.facing[self.bin(p)] * cos / distance2.max(self.radius * self.radius)
-    }
+/// The bin of a direction among `edge`² of them, a whole number below that.
+#[inline(always)]
+fn bin(d: Vec3, edge: f32) -> f32 {
+    // From here on single precision has no fractions: a sum is rounded to the nearest whole number.
+    const WHOLE: f32 = 8_388_608.0;
+    let at = octahedron(d);
+    let cell = |x: f32| (((x * edge - 0.5).max(0.0) + WHOLE) - WHOLE).min(edge - 1.0);
+    cell(at.y) * edge + cell(at.x)
 }
 
 /// A direction (of any length) on the octahedron's square, [0, 1]²; the middle where there is none.
 #[inline(always)]
 fn octahedron(d: Vec3) -> Vec2 {
-    let sum = d.x.abs() + d.y.abs() + d.z.abs();
-    if !(sum > 0.0 && sum.is_finite()) {
-        return Vec2::splat(0.5);
-    }
-    let (x, y) = (d.x / sum, d.y / sum);
-    let (x, y) = if d.z >= 0.0 { (x, y) } else { ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y)) };
+    let inverse = 1.0 / (d.x.abs() + d.y.abs() + d.z.abs());
+    let some = inverse > 0.0 && inverse < f32::INFINITY;
+    let (x, y) = if some { (d.x * inverse, d.y * inverse) } else { (0.0, 0.0) };
+    let folded = ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y));
+    let (x, y) = if d.z >= 0.0 || !some { (x, y) } else { folded };
     Vec2::new(0.5 * x + 0.5, 0.5 * y + 0.5)
 }
 
@@ -287,6 +361,25 @@ mod tests {
         }
         assert_eq!(octahedron(Vec3::ZERO), Vec2::splat(0.5));
         assert_eq!(octahedron(Vec3::NAN), Vec2::splat(0.5));
+        assert_eq!(octahedron(Vec3::NEG_Z * f32::INFINITY), Vec2::splat(0.5));
+    }
+
+    /// Whole numbers below the square, for all directions, on the borders too; and each bin's middle is in it.
+    #[test]
+    fn directions_have_a_bin() {
+        for edge in [1.0f32, 2.0, 16.0] {
+            for i in 0..100 * 100 {
+                let at = Vec2::new((i % 100) as f32, (i / 100) as f32) / 99.0;
+                let found = bin(from_octahedron(at), edge);
+                assert!(found >= 0.0 && found < edge * edge && found.fract() == 0.0, "{at} {edge}: {found}");
+                let [x, y] = (at * edge).to_array().map(|x| x.floor().min(edge - 1.0));
+                let middle = (Vec2::new(x, y) + 0.5) / edge;
+                assert_eq!(bin(from_octahedron(middle) * 7.0, edge), y * edge + x, "{middle} {edge}");
+            }
+            for odd in [Vec3::ZERO, Vec3::NAN, Vec3::MAX, Vec3::INFINITY, Vec3::splat(-1e-45)] {
+                assert!((0.0..edge * edge).contains(&bin(odd, edge)), "{odd}");
+            }
+        }
     }
 
     #[test]

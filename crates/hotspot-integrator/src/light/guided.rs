@@ -76,13 +76,6 @@ impl Guided {
         (index, ((u - start) / (end - start)).clamp(0.0, 1.0 - f32::EPSILON))
     }
 
-    /// The probability with which [`Guided::sample`] finds an entry.
-    #[inline(always)]
-    pub(super) fn probability(&self, distribution: usize, index: usize) -> f32 {
-        let cumulative = &self.cumulative[distribution * self.count..][..self.count];
-        cumulative.get(index + 1).copied().unwrap_or(1.0) - cumulative[index]
-    }
-
     pub(super) fn memory(&self) -> u64 {
         (size_of_val(&self.cumulative[..]) + size_of_val(&self.guide[..])) as u64
     }

@@ -8,13 +8,13 @@
 //! `rays_shadow`, `waste` and what shadow rays visit change; everything else is as without.
 
 use super::facing::Facing;
-use super::windows::{Grid, NOWHERE, Windows, bin};
+use super::windows::{Escape, Grid, NOWHERE, Windows, bin};
 use super::{LightSample, LightTarget, Lights, Surroundings};
 use crate::camera::FilmCamera;
-use crate::cast::closest_hit;
+use crate::cast::{closest_hit, occluded};
 use crate::class::FullClass;
 use crate::geometry::Attributes;
-use crate::math::{Frame, square_to_cosine_hemisphere};
+use crate::math::{FRAC_1_PI, Frame, square_to_cosine_hemisphere};
 use crate::sampler::{Dimensions, PixelSampler, SamplerKind};
 use crate::scene::RenderScene;
 use crate::surface::resolve;
@@ -25,12 +25,13 @@ use hotspot_probe::NoProbe;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Walks to learn from, at most; there is one per pixel of a small picture.
-const WALKS: u32 = 1 << 17;
+/// Walks that look for the environment by the cosine, and walks that look where these found it.
+const SEARCHES: u32 = 1 << 13;
+const CHECKS: u32 = 5 << 13;
 /// Surfaces that a walk visits, at most.
 const LENGTH: u32 = 5;
 /// Walks that one thread takes at a time.
-const BATCH: u32 = 1 << 12;
+const BATCH: u32 = 1 << 10;
 
 /// What was learned about a scene's lights.
 #[derive(Debug, Default)]
@@ -45,7 +46,7 @@ pub(crate) struct Viewpoint {
     p: Vec3,
     n: Vec3,
     /// What [`Windows`] knows there.
-    windows: u32,
+    windows: u16,
 }
 
 impl Viewpoint {
@@ -100,8 +101,8 @@ impl Learned {
                 else {
                     return None;
                 };
-                let wi = windows.sample(from.windows, frame, Vec2::new(select / share, v));
-                let pdf = share * windows.pdf(from.windows, wi, wi.dot(frame.n));
+                let (wi, pdf) = windows.sample(from.windows, frame, Vec2::new(select / share, v));
+                let pdf = share * pdf;
                 let target = LightTarget::Environment(*radiance);
                 return Some((pdf > 0.0).then_some(LightSample { wi, pdf, target }));
             }
@@ -136,17 +137,23 @@ impl Learned {
     }
 }
 
+/// In a room few rays get out by chance, one in thirty: so the first walks learn where windows are about, and the others check
+/// a direction towards them at each vertex.
 fn learn_windows(scene: &RenderScene, camera: &FilmCamera, seed: u64) -> Windows {
     let grid = Grid::new(scene.bounds());
-    let isa = scene.bvh.isa();
-    let escaped: Vec<(u32, u32)> = (0..WALKS / BATCH)
-        .into_par_iter()
-        .flat_map_iter(|batch| {
-            let walks = batch * BATCH..(batch + 1) * BATCH;
-            dispatch(isa, Walks { scene, camera, grid: &grid, seed, walks })
-        })
-        .collect();
-    Windows::new(grid, &escaped)
+    let walk = |walks: Range<u32>, known: Option<&Windows>| -> Vec<Escape> {
+        (walks.start / BATCH..walks.end / BATCH)
+            .into_par_iter()
+            .flat_map_iter(|batch| {
+                let walks = batch * BATCH..(batch + 1) * BATCH;
+                dispatch(scene.bvh.isa(), Walks { scene, camera, grid: &grid, seed, walks, known })
+            })
+            .collect()
+    };
+    let mut escapes = walk(0..SEARCHES, None);
+    let known = Windows::new(grid.clone(), &mut escapes.clone());
+    escapes.extend(walk(SEARCHES..SEARCHES + CHECKS, Some(&known)));
+    Windows::new(grid, &mut escapes)
 }
 
 /// Walks from the camera that scatter by the cosine wherever a surface is not specular, and note escapes.
@@ -156,23 +163,25 @@ struct Walks<'a> {
     grid: &'a Grid,
     seed: u64,
     walks: Range<u32>,
+    /// Where to look for the environment besides, at each vertex.
+    known: Option<&'a Windows>,
 }
 
 impl WithSimd for Walks<'_> {
-    type Output = Vec<(u32, u32)>;
+    type Output = Vec<Escape>;
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Vec<(u32, u32)> {
+    fn run<S: Simd>(self, simd: S) -> Vec<Escape> {
         simd.vectorize(
             #[inline(always)]
             || {
-                let mut escaped = Vec::new();
+                let mut escapes = Vec::new();
                 // One sequence for all walks; its key lies outside of those of pixels.
                 let points = PixelSampler::new(SamplerKind::Sobol, u32::MAX, u32::MAX, 0, self.seed);
                 for walk in self.walks.clone() {
-                    self.walk(simd, &points.sample(u64::from(walk)), &mut escaped);
+                    self.walk(simd, &points.sample(u64::from(walk)), &mut escapes);
                 }
-                escaped
+                escapes
             },
         )
     }
@@ -180,17 +189,18 @@ impl WithSimd for Walks<'_> {
 
 impl Walks<'_> {
     #[inline(always)]
-    fn walk<S: Simd>(&self, simd: S, sampler: &crate::sampler::Sampler<'_>, escaped: &mut Vec<(u32, u32)>) {
+    fn walk<S: Simd>(&self, simd: S, sampler: &crate::sampler::Sampler<'_>, escapes: &mut Vec<Escape>) {
         let scene = self.scene;
-        let [x, y, ..] = sampler.get(Dimensions::segment(0));
+        let [x, y, mut to_light @ ..] = sampler.get(Dimensions::segment(0));
         let (origin, mut direction) = self.camera.ray(x, y);
         let mut ray = Ray::new(origin.to_array(), direction.to_array());
-        let mut left = None;
+        // The surface that the ray left by the cosine, if by that: its key, and that cosine's density and the other.
+        let mut left: Option<(u32, f32, f32)> = None;
         for bounce in 0..=LENGTH {
             let Some(hit) = closest_hit::<S, _, FullClass>(simd, scene, &ray, sampler, bounce, NoProbe)
             else {
-                if let Some(key) = left {
-                    escaped.push((key, bin(direction) as u32));
+                if let Some((key, cosine, looked)) = left {
+                    escapes.push(Escape::new(key, bin(direction), cosine / (cosine + looked)));
                 }
                 return;
             };
@@ -209,22 +219,37 @@ impl Walks<'_> {
                 choice,
                 &mut NoProbe,
             );
-            let [u, v, ..] = sampler.get(Dimensions::segment(bounce + 1));
-            let local = if bsdf.is_specular() {
+            let [u, v, next_to_light @ ..] = sampler.get(Dimensions::segment(bounce + 1));
+            let point = scene.geometry.point(surface, hit.u, hit.v);
+            let geometric = Vec3::from_array(hit.normal);
+            let leave = |direction: Vec3| {
+                let side = if direction.dot(geometric) < 0.0 { -geometric } else { geometric };
+                Ray::new(point.leave(side).to_array(), direction.to_array())
+            };
+            if bsdf.is_specular() {
                 left = None;
                 let Some(sample) = bsdf.sample(frame.to_local(wo), u, Vec2::new(u, v)) else { return };
-                sample.wi
+                direction = frame.to_world(sample.wi);
             } else {
-                square_to_cosine_hemisphere(Vec2::new(u, v))
-            };
-            let point = scene.geometry.point(surface, hit.u, hit.v);
-            if !bsdf.is_specular() {
-                left = Some(self.grid.key(point.p, frame.n));
+                let key = self.grid.key(point.p, frame.n);
+                let local = square_to_cosine_hemisphere(Vec2::new(u, v));
+                direction = frame.to_world(local);
+                let mut looked = 0.0;
+                if let Some(known) = self.known {
+                    let view = known.find(point.p, frame.n);
+                    let (there, density) = known.sample(view, &frame, to_light.into());
+                    let cosine = FRAC_1_PI * there.dot(frame.n);
+                    if cosine > 0.0
+                        && !occluded::<S, _, FullClass>(simd, scene, &leave(there), sampler, bounce, NoProbe)
+                    {
+                        escapes.push(Escape::new(key, bin(there), cosine / (cosine + density)));
+                    }
+                    looked = known.pdf(view, direction, local.z);
+                }
+                left = Some((key, FRAC_1_PI * local.z, looked));
             }
-            direction = frame.to_world(local);
-            let geometric = Vec3::from_array(hit.normal);
-            let side = if direction.dot(geometric) < 0.0 { -geometric } else { geometric };
-            ray = Ray::new(point.leave(side).to_array(), direction.to_array());
+            to_light = next_to_light;
+            ray = leave(direction);
         }
     }
 }

@@ -31,8 +31,10 @@ mod patches;
 mod punctual;
 #[cfg(test)]
 mod sampling_tests;
+mod steps;
 #[cfg(test)]
 mod tests;
+mod trees;
 mod triangles;
 mod windows;
 
