@@ -10,8 +10,8 @@ use hotspot_cost::document::{Note, Stopped, Tree};
 use hotspot_cost::hotspots::Sounding;
 use hotspot_cost::{Document, Frame, LayerOptions};
 use hotspot_integrator::{
-    BakeView, Baked, Control, FirstHit, RenderScene, Rendered, Settings, Stop, SurfaceMesh, bake, first_hits,
-    render, sound, surface_view, viewpoints,
+    BakeView, Baked, Control, FirstHit, Quality, RenderScene, Rendered, Settings, Stop, SurfaceMesh, bake,
+    first_hits, render, sound, surface_view, viewpoints,
 };
 use hotspot_scene::{Camera, Environment, Repair, Scene};
 use serde_json::{Value, json};
@@ -229,7 +229,10 @@ impl<'a> Stage<'a> {
             Stop::Cancelled => Stopped::Interrupted,
         });
         document.tree = Tree {
-            builder: format!("ploc {}", self.open.prepare_options().tree.quality.name()),
+            builder: match self.open.prepare_options().tree.quality {
+                Quality::Obvhs => "obvhs ploc medium".to_owned(),
+                ours => format!("ploc {}", ours.name()),
+            },
             width: hotspot_bvh::WIDTH,
             nodes: prepared.bvh().node_count() as u64,
             triangles: prepared.triangle_count() as u64,
