@@ -54,7 +54,7 @@ pub fn closest(bvh: &Bvh, isa: Isa, rays: &[Ray], out: &mut [Option<Hit>]) -> u6
     dispatch(isa, Closest(bvh, rays, out))
 }
 
-/// As [`closest`], in packets of neighbours.
+/// As [`closest`], each sixteen in a row as a packet.
 #[inline(never)]
 pub fn packets(bvh: &Bvh, isa: Isa, rays: &[Ray], out: &mut [Option<Hit>]) -> u64 {
     dispatch(isa, Packets(bvh, rays, out))

@@ -9,7 +9,8 @@ use hotspot_scene::Projection;
 pub enum Kind {
     /// From the camera, nearest hit.
     Primary,
-    /// The same, which we trace in packets of sixteen neighbours (peers: one at a time).
+    /// From the camera, sixteen to a pixel, as a renderer takes samples; ours trace each sixteen as a packet (peers: one at a
+    /// time).
     Packets,
     /// From what the camera sees, about the normal as a matte surface scatters, nearest hit.
     Bounce,
@@ -45,8 +46,17 @@ pub fn rays(soup: &Soup, bvh: &Bvh, size: u32, kind: Kind) -> Vec<Ray> {
         // Tiles row by row, pixels row by row within.
         let (tile, pixel) = (index / 256, index % 256);
         let across = size / 16;
-        let x = f64::from(tile % across * 16 + pixel % 16) + f64::from(hash(index * 8));
-        let y = f64::from(tile / across * 16 + pixel / 16) + f64::from(hash(index * 8 + 1));
+        let at = if kind == Kind::Packets {
+            // As many rays: pixels four times as large.
+            let place = |i: u32, offset: f32| f64::from(4 * i) + 4.0 * f64::from(offset);
+            let across = size / 4;
+            let (column, row) = (index / 16 % across, index / 16 / across);
+            [place(column, hash(index * 8)), place(row, hash(index * 8 + 1))]
+        } else {
+            let x = f64::from(tile % across * 16 + pixel % 16) + f64::from(hash(index * 8));
+            [x, f64::from(tile / across * 16 + pixel / 16) + f64::from(hash(index * 8 + 1))]
+        };
+        let [x, y] = at;
         let (px, py) = ((2.0 * x / f64::from(size) - 1.0) * half, (1.0 - 2.0 * y / f64::from(size)) * half);
         let [right, up, back, eye] = [0, 1, 2, 3].map(column);
         let offset: [f64; 3] = core::array::from_fn(|i| right[i] * px + up[i] * py);

@@ -48,11 +48,16 @@ impl Quality {
             Self::High => (14, 0.2),
             Self::Obvhs => return obvhs::build(count, leaf),
         };
+        // Small trees, which are built in no time, are bettered as far as can be.
+        let share = f32::max(reinserted, SMALL / count as f32);
         let mut nodes = ploc::build(count, leaf, distance);
-        reinsertion::optimize(&mut nodes, reinserted);
+        reinsertion::optimize(&mut nodes, share.min(1.0));
         nodes
     }
 }
+
+/// At least so many nodes are moved in the first round.
+const SMALL: f32 = 2048.0;
 
 /// How to build and traverse.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

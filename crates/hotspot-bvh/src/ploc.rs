@@ -35,6 +35,9 @@ pub(crate) fn build(
     let mut partners = vec![0u32; count];
     let mut next_pair = count;
     let mut stuck = false;
+    // The first pass looks at immediate neighbours alone. In regular meshes many farther ones do as well, and pairs chosen among
+    // them lie across each other: rays visited 30 % more in a height field of a million triangles, elsewhere as much as otherwise.
+    let mut reach = 1;
     while count > 1 {
         let partners = &mut partners[..count];
         if stuck {
@@ -43,7 +46,8 @@ pub(crate) fn build(
                 *partner = (i as u32 ^ 1).min(last);
             }
         } else {
-            find_partners(&nodes[..count], partners, distance);
+            find_partners(&nodes[..count], partners, reach);
+            reach = distance;
         }
         let before = count;
         count = 0;

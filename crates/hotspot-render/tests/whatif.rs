@@ -96,13 +96,13 @@ fn suggestions_are_ranked_and_come_onto_the_page() {
     let page = std::fs::read_to_string(folder.path().join(format!("{name}.html"))).unwrap();
     let text = std::fs::read_to_string(folder.path().join(format!("{name}.json"))).unwrap();
     let json: serde_json::Value = serde_json::from_str(&text).unwrap();
-    let best = suggestions[0]["option"].as_str().unwrap();
-    let wanted = |h: &serde_json::Value| h["whatif"].as_array().unwrap().iter().any(|option| option == best);
-    assert!(json["hotspots"].as_array().unwrap().iter().any(wanted), "{best}: {}", json["hotspots"]);
-    assert!(
-        page.contains("<ul class=\"tries\">") && page.contains("<b>intersection cost \u{2212}"),
-        "{best}"
-    );
+    // `whatif` keeps halves, so its hotspots need not be those of this render; but they must have a suggestion in common.
+    let wanted = |h: &serde_json::Value| {
+        let options = h["whatif"].as_array().unwrap();
+        suggestions.iter().any(|s| options.contains(&s["option"]))
+    };
+    assert!(json["hotspots"].as_array().unwrap().iter().any(wanted), "{suggestions:?}: {}", json["hotspots"]);
+    assert!(page.contains("<ul class=\"tries\">") && page.contains("<b>intersection cost \u{2212}"));
     assert!(json["render"]["causes_seconds"].as_f64().unwrap() > 0.0);
 }
 

@@ -72,7 +72,7 @@ fn the_pages_work_in_a_browser() {
     let folder = tempfile::tempdir().unwrap();
     let render = |name: &str| {
         let out = folder.path().join(name);
-        run(&[&scene(name), "--size", "160x90", "--spp", "4", "--intervals", "--layers", "aov"], &out);
+        run(&[&scene(name), "--size", "160x90", "--spp", "16", "--intervals", "--layers", "aov"], &out);
         out
     };
     let (wide, narrow) = (render("mirror-gap-wide"), render("mirror-gap-narrow"));
