@@ -75,10 +75,14 @@ pub struct Settings {
     /// Samples per pixel of the first wave, at least 1; the result does not depend on it, but the time that a pixel's visits
     /// take does. `None`: 4, or 1 with a time limit.
     pub first_wave: Option<u32>,
-    /// Trace camera rays that are not counted in packets, which is faster and gives the same hits. (Rays that are counted go one at
-    /// a time, so that each has visits of its own.) False is for comparisons.
+    /// Trace camera rays that are not counted in packets where a scene's triangles are not much smaller than pixels, which is
+    /// faster and gives the same hits. (Rays that are counted go one at a time, so that each has visits of its own.) False is for
+    /// comparisons.
     pub packets: bool,
 }
+
+/// Triangles per pixel up to which packets are used: with many more, the samples of a pixel have little in common.
+const PACKED: u64 = 8;
 
 impl Settings {
     /// The defaults for a picture of this size: 64 samples, depth 15, everything gathered.
@@ -289,6 +293,7 @@ fn render_in_tiles(
     let start = Instant::now();
     let camera = settings.film_camera(camera);
     let learned = settings.learned(scene, &camera);
+    let pixels = u64::from(settings.width) * u64::from(settings.height);
     let kernel = Kernel {
         scene,
         camera,
@@ -302,11 +307,10 @@ fn render_in_tiles(
         radiance: gather.radiance,
         clock: gather.time,
         payers: payers.as_ref(),
-        packets: settings.packets,
+        packets: settings.packets && scene.triangle_count() as u64 <= PACKED * pixels,
     };
     let isa = scene.bvh.isa();
     let total = whole(settings.spp);
-    let pixels = u64::from(settings.width) * u64::from(settings.height);
     let pilot = if settings.adaptive { pilot(total) } else { None };
     let pilot = pilot.map(|pilot| pilot.next_multiple_of(halves));
     let mut plan: Option<Plan> = None;
