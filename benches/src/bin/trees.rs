@@ -2,7 +2,7 @@
 //! rays of `trace`, bytes, and a hash of each tree, so that two versions of the builder can be held against each other.
 //!
 //! ```text
-//! cargo run --profile bench -p hotspot-benches --bin trees -- [SCENE … | million | grid:N] [--quality fast,medium,high]
+//! cargo run --profile bench -p hotspot-benches --bin trees -- [SCENE … | million | grid:N] [--quality fast,medium,high,obvhs]
 //!     [--rounds N] [--threads 1,2] [--size N] [--driver FILE]
 //! ```
 //!

@@ -18,7 +18,8 @@ pub(crate) struct BinaryNode {
 }
 
 const FLAG: u32 = 1 << 31;
-/// Makes any link the bits of a normal number, which arithmetic on all four lanes takes in its stride.
+/// Makes a link the bits of a normal number (below 0x3f80_0000; of larger trees some are NaN), which arithmetic on all four lanes
+/// takes in its stride.
 const NORMAL: u32 = 1 << 30;
 
 /// `index` below 2^30.

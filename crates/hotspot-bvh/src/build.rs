@@ -56,7 +56,7 @@ impl Quality {
     }
 }
 
-/// At least so many nodes are moved in the first round.
+/// Leaves up to which all nodes are looked at in the first round; of more leaves at least so many and their parents.
 const SMALL: f32 = 2048.0;
 
 /// How to build and traverse.

@@ -1,4 +1,4 @@
-//! An 8-wide bounding volume hierarchy over triangles, for single rays, generic over a probe.
+//! An 8-wide bounding volume hierarchy over triangles, for single rays, generic over a probe; and for packets of them.
 //!
 //! ```
 //! use hotspot_bvh::{Bvh, NoProbe, Ray};

@@ -110,8 +110,11 @@ impl Packet {
             *frame = RayFrame::new(ray);
             let [x, y, z] = frame.inverse_far;
             // The sum of finite numbers may be infinite; zero times one may not.
-            agree &=
-                ray.is_finite() && 0.0 * x + 0.0 * y + 0.0 * z == 0.0 && frame.down == down && frame.k == k;
+            agree &= ray.t_min >= 0.0
+                && ray.is_finite()
+                && 0.0 * x + 0.0 * y + 0.0 * z == 0.0
+                && frame.down == down
+                && frame.k == k;
             self.lanes[index / LANES].set(index % LANES, frame);
             self.best[index] = Best::none(ray.t_max);
         }

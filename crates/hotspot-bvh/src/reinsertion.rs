@@ -12,6 +12,11 @@ use rayon::prelude::*;
 /// Rounds; round k looks at one in 2k + 1 of the first round's candidates: the top of the tree is worth the most.
 const ROUNDS: u32 = 16;
 
+/// Places that all searches of a round look at together, at most, but for [`FEWEST`] of each. Where most boxes hold most others hardly
+/// anything can be left out, and time would grow by the square.
+const PLACES: usize = 1 << 28;
+const FEWEST: usize = 4096;
+
 /// A subtree and where it would be better.
 #[derive(Clone, Copy, Debug)]
 struct Move {
@@ -43,7 +48,8 @@ pub(crate) fn optimize(nodes: &mut [BinaryNode], share: f32) {
             candidates.truncate(batch);
         }
         let shared = &*nodes;
-        let search = |stack: &mut Vec<(f32, u32)>, key: &u64| best_move(shared, *key as u32, stack);
+        let places = (PLACES / batch).max(FEWEST);
+        let search = |stack: &mut Vec<(f32, u32)>, key: &u64| best_move(shared, *key as u32, places, stack);
         // A search is worth dozens of elements of other loops.
         let mut moves: Vec<Move> = if tasks::worthwhile(batch.saturating_mul(64)) {
             let each = candidates.par_iter().with_min_len(tasks::TASK / 64);
@@ -72,7 +78,10 @@ pub(crate) fn optimize(nodes: &mut [BinaryNode], share: f32) {
 /// Taken out, its parent goes and the ancestors shrink; put back beside X, the nodes above X grow to hold it and the parent of both
 /// is new. The search goes up from `from`, at each ancestor down into the other side, and leaves out a subtree where even a
 /// place that costs nothing but the node itself would gain less than is known.
-fn best_move(nodes: &[BinaryNode], from: u32, stack: &mut Vec<(f32, u32)>) -> Option<Move> {
+///
+/// It goes down into larger boxes than the own one alone: below others nothing is better than beside them, but for rounding.
+/// So of two moves in one round neither can be into what the other takes away, in a circle: each would be the smaller.
+fn best_move(nodes: &[BinaryNode], from: u32, places: usize, stack: &mut Vec<(f32, u32)>) -> Option<Move> {
     let node = nodes[from as usize];
     let own = node.half_area();
     let mut best = Move { gain: 0.0, from, to: from };
@@ -83,6 +92,7 @@ fn best_move(nodes: &[BinaryNode], from: u32, stack: &mut Vec<(f32, u32)>) -> Op
     let mut without = nodes[sibling as usize];
     let mut ancestor = above;
     stack.clear();
+    let mut left = places / 2;
     loop {
         let look = |place: u32, gained: f32, best: &mut Move| {
             let other = &nodes[place as usize];
@@ -90,15 +100,17 @@ fn best_move(nodes: &[BinaryNode], from: u32, stack: &mut Vec<(f32, u32)>) -> Op
             if gain > best.gain {
                 (best.gain, best.to) = (gain, place);
             }
-            other.pair().map(|pair| (gain + other.half_area(), pair))
+            let area = other.half_area();
+            other.pair().filter(|_| area > own).map(|pair| (gain + area, pair))
         };
         if gained - own > best.gain {
             stack.extend(look(sibling, gained, &mut best));
         }
         while let Some((gained, pair)) = stack.pop() {
-            if gained - own <= best.gain {
+            if gained - own <= best.gain || left == 0 {
                 continue;
             }
+            left -= 1;
             let sides = [look(2 * pair, gained, &mut best), look(2 * pair + 1, gained, &mut best)];
             stack.extend(sides.into_iter().flatten().filter(|(gained, _)| gained - own > best.gain));
         }
@@ -161,7 +173,7 @@ mod tests {
             let nodes = over(&boxes.leaves(3 + round % 30, 0.3), 1 + round % 3);
             let before = total_area(&nodes);
             for from in 2..nodes.len() as u32 {
-                let best = best_move(&nodes, from, &mut Vec::new());
+                let best = best_move(&nodes, from, usize::MAX, &mut Vec::new());
                 let mut most = 0.0f64;
                 for to in (0..nodes.len() as u32).filter(|&to| to != 1) {
                     if within(&nodes, to, from) || to == from ^ 1 || to == parent(&nodes, from) {

@@ -158,7 +158,6 @@ pub(super) struct Cells {
 impl Cells {
     pub(super) fn new(payers: &Payers) -> Self {
         let (slots, pairs) = (payers.count(), PAIRS * payers.columns());
-        // Zeroed pages take memory only when touched.
         Self {
             pairs: vec![Pair::NOTHING; slots * pairs],
             aside: Aside {

@@ -28,7 +28,7 @@ use std::ops::Range;
 /// Walks that look for the environment by the cosine, and walks that look where these found it.
 const SEARCHES: u32 = 1 << 13;
 const CHECKS: u32 = 5 << 13;
-/// Surfaces that a walk visits, at most.
+/// Scattering events of a walk, at most.
 const LENGTH: u32 = 5;
 /// Walks that one thread takes at a time.
 const BATCH: u32 = 1 << 10;
@@ -199,7 +199,10 @@ impl Walks<'_> {
         for bounce in 0..=LENGTH {
             let Some(hit) = closest_hit::<S, _, FullClass>(simd, scene, &ray, sampler, bounce, NoProbe)
             else {
-                if let Some((key, cosine, looked)) = left {
+                // A cosine of 0 has no density to weigh.
+                if let Some((key, cosine, looked)) = left
+                    && cosine > 0.0
+                {
                     escapes.push(Escape::new(key, bin(direction), cosine / (cosine + looked)));
                 }
                 return;

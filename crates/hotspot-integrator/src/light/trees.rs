@@ -1,8 +1,8 @@
 //! Many distributions over the same entries, each a tree of small ones.
 //!
 //! A distribution for each of hundreds of directions over each of thousands of patches does not fit a cache as single
-//! precision, where a binary search misses at every other step. A node of sixteen entries is half a cache line
-//! ([`steps`](super::steps)): a thousand patches are three nodes deep, the upper two levels of all directions stay in the
+//! precision, where a binary search misses at every other step. A node of sixteen entries is as long as half a cache
+//! line ([`steps`](super::steps)): a thousand patches are three nodes deep, the upper two levels of all directions stay in the
 //! cache, and the whole is half the size. Bytes would halve it once more, but what 255 units round away is seen: 5 to 8 % more
 //! error on lamps that fill little of the view.
 

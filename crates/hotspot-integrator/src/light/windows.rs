@@ -92,7 +92,7 @@ pub(super) struct Windows {
 }
 
 /// Directions in which the environment is seen: the row by the first number, the column in it by the second. What a choice
-/// reads are two cache lines.
+/// reads are two or three cache lines.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 struct View {
