@@ -153,35 +153,24 @@ pub(crate) fn refit(nodes: &mut [BinaryNode], mut place: u32) {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::random::Random;
 
-    /// Random numbers and boxes.
-    pub(crate) struct Boxes(u64);
+    /// Random boxes.
+    pub(crate) struct Boxes(pub(crate) Random);
 
     impl Boxes {
         pub(crate) fn new(seed: u64) -> Self {
-            Self(seed)
-        }
-
-        /// SplitMix64.
-        pub(crate) fn bits(&mut self) -> u64 {
-            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut z = self.0;
-            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            z ^ (z >> 31)
-        }
-
-        fn unit(&mut self) -> f32 {
-            (self.bits() >> 40) as f32 / (1 << 24) as f32
+            Self(Random(seed))
         }
 
         /// Leaves in the unit cube, of up to `size` an axis; 0: corners on a grid of 8³, so that many tie.
         pub(crate) fn leaves(&mut self, count: usize, size: f32) -> Vec<BinaryNode> {
             (0..count as u32)
                 .map(|i| {
-                    let min =
-                        [(); 3].map(|()| self.unit()).map(|c| if size > 0.0 { c } else { (c * 8.0).floor() });
-                    let extent = [(); 3].map(|()| size * self.unit());
+                    let min = [(); 3]
+                        .map(|()| self.0.unit())
+                        .map(|c| if size > 0.0 { c } else { (c * 8.0).floor() });
+                    let extent = [(); 3].map(|()| size * self.0.unit());
                     let max = core::array::from_fn(|axis| min[axis] + extent[axis]);
                     BinaryNode::leaf(&Bounds { min, max }, i)
                 })

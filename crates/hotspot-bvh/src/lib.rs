@@ -35,6 +35,8 @@ mod owners;
 mod packet;
 mod plan;
 mod ploc;
+#[cfg(test)]
+mod random;
 mod ray;
 mod reinsertion;
 mod shuffle;

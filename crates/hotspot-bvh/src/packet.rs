@@ -14,7 +14,7 @@ use crate::node::{Child, Node};
 use crate::ray::{Hit, NO_INSTANCE, Ray};
 use crate::simd::{F8, Simd};
 use crate::stack::Stack;
-use crate::traverse::{Best, Pending, closest};
+use crate::traverse::{Best, Pending, closest, ordered};
 use crate::triangle::{
     Block, FAR_PAD, NO_PRIMITIVE, RayFrame, decide, details, edge_test, permuted, sheared,
 };
@@ -34,13 +34,18 @@ const GROUPS: usize = PACKET / LANES;
 #[inline(always)]
 pub(crate) fn closest_of_packet<S: Simd>(s: S, bvh: &Bvh, rays: &[Ray], hits: &mut [Option<Hit>]) {
     assert!(rays.len() == hits.len() && rays.len() <= PACKET, "a packet holds at most {PACKET} rays");
-    let Some(first) = rays.first() else { return };
-    let mut packet = Packet::of(first);
-    if rays.len() < FEWEST || bvh.root == Child::EMPTY || !packet.take(rays) {
-        for (ray, hit) in rays.iter().zip(hits) {
+    let mut one_by_one = || {
+        for (ray, hit) in rays.iter().zip(hits.iter_mut()) {
             *hit = alone(s, bvh, ray);
         }
-        return;
+    };
+    // Before the packet, which is large, is made.
+    if rays.len() < FEWEST || bvh.root == Child::EMPTY {
+        return one_by_one();
+    }
+    let mut packet = Packet::of(&rays[0]);
+    if !packet.take(rays) {
+        return one_by_one();
     }
     packet.find(s, bvh);
     for (index, hit) in hits.iter_mut().enumerate() {
@@ -256,7 +261,7 @@ impl Packet {
                         entered &= entered - 1;
                         let mut item = Pending::new(near.0[slot], node.children[slot]);
                         for place in &mut sorted[..count] {
-                            let (low, high) = crate::traverse::ordered(*place, item);
+                            let (low, high) = ordered(*place, item);
                             *place = low;
                             item = high;
                         }
@@ -372,19 +377,11 @@ impl Packet {
 mod tests {
     use super::*;
     use crate::BuildOptions;
+    use crate::random::Random;
     use crate::simd::{Isa, Portable, WithSimd, dispatch};
 
-    /// Uniform in [−1, 1) (`SplitMix64`).
-    fn random(state: &mut u64) -> f32 {
-        *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = *state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 23) as f32 - 1.0
-    }
-
-    fn vector(state: &mut u64) -> [f32; 3] {
-        core::array::from_fn(|_| random(state))
+    fn vector(random: &mut Random) -> [f32; 3] {
+        core::array::from_fn(|_| random.signed())
     }
 
     struct Find<'a>(&'a Bvh, &'a [Ray], &'a mut [Option<Hit>]);
@@ -400,18 +397,18 @@ mod tests {
     /// must run as one.
     #[test]
     fn hits_are_those_of_single_rays() {
-        let mut state = 7;
+        let mut random = Random(7);
         let (mut together, mut found, mut packets) = (0, 0, 0);
         for soup in 0..24 {
             let size = [0.02, 0.2, 2.0][soup % 3];
             let mut triangles: Vec<[[f32; 3]; 3]> = Vec::new();
             for index in 0..300 {
-                let center = vector(&mut state);
-                let corner = |state: &mut u64| {
-                    let offset = vector(state);
+                let center = vector(&mut random);
+                let corner = |random: &mut Random| {
+                    let offset = vector(random);
                     core::array::from_fn(|a| center[a] + size * offset[a])
                 };
-                let mut triangle = [corner(&mut state), corner(&mut state), corner(&mut state)];
+                let mut triangle = [corner(&mut random), corner(&mut random), corner(&mut random)];
                 if index % 3 == 1 {
                     triangle[0] = triangles[index - 1][1];
                     triangle[1] = triangles[index - 1][2];
@@ -424,9 +421,9 @@ mod tests {
                 let options = BuildOptions { isa, ..Default::default() };
                 let Ok(bvh) = Bvh::build(&triangles, options) else { panic!("soup {soup} is not built") };
                 for packet in 0..300 {
-                    let eye = vector(&mut state).map(|c| 2.5 * c);
+                    let eye = vector(&mut random).map(|c| 2.5 * c);
                     let target = match packet % 3 {
-                        0 => vector(&mut state),
+                        0 => vector(&mut random),
                         1 => triangles[packet % 300][1],
                         _ => {
                             let [a, b, _] = triangles[packet % 300];
@@ -437,12 +434,12 @@ mod tests {
                     let lens = [0.0, 0.0, 0.02][packet % 3];
                     let rays: Vec<Ray> = (0..1 + packet % PACKET)
                         .map(|index| {
-                            let (a, b) = (vector(&mut state), vector(&mut state));
+                            let (a, b) = (vector(&mut random), vector(&mut random));
                             let origin = core::array::from_fn(|i| eye[i] + lens * a[i]);
                             let direction = core::array::from_fn(|i| target[i] - origin[i] + spread * b[i]);
                             let mut ray = Ray::new(origin, direction);
                             if packet % 4 == 1 {
-                                ray.t_max = 1.0 + 0.3 * random(&mut state);
+                                ray.t_max = 1.0 + 0.3 * random.signed();
                                 ray.t_min = if index % 2 == 0 { 0.6 } else { 0.0 };
                             }
                             // Some along a plane of boxes, to which 0 · ∞ belongs; others beside it.

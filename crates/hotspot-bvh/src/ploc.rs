@@ -244,7 +244,7 @@ pub(crate) mod tests {
         let mut boxes = Boxes::new(2);
         for (count, mask) in [(0, !0), (100, !0), (9000, !0), (9000, 0xff), (9000, 0xffff << 40), (9000, 0)] {
             let mut keys: Vec<Key> =
-                (0..count).map(|index| Key { code: boxes.bits() & mask & (!0 >> 1), index }).collect();
+                (0..count).map(|index| Key { code: boxes.0.bits() & mask & (!0 >> 1), index }).collect();
             let mut expected: Vec<(u64, u32)> = keys.iter().map(|key| (key.code, key.index)).collect();
             expected.sort_unstable();
             sort(&mut keys);

@@ -368,30 +368,22 @@ pub(crate) fn barycentric(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> (f32, f
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
     use crate::simd::Portable;
-
-    /// Uniform in [−1, 1) (`SplitMix64`).
-    fn random(state: &mut u64) -> f32 {
-        *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = *state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 23) as f32 - 1.0
-    }
 
     /// At all scales, those included where the products of an edge function overflow (above 1.8e19) or vanish.
     #[test]
     fn what_a_block_calls_certain_agrees_with_the_exact_rule() {
-        let mut state = 1;
+        let mut random = Random(1);
         let (mut sure, mut misses) = (0, 0);
         for exponent in -40i32..=38 {
             let scale = 10f64.powi(exponent) as f32;
             for _ in 0..400 {
-                let mut vertex = || core::array::from_fn(|_| random(&mut state) * scale);
+                let mut vertex = || core::array::from_fn(|_| random.signed() * scale);
                 let triangles: Vec<[[f32; 3]; 3]> =
                     (0..LANES).map(|_| core::array::from_fn(|_| vertex())).collect();
                 let origin = vertex();
-                let direction = core::array::from_fn(|_| random(&mut state));
+                let direction = core::array::from_fn(|_| random.signed());
                 let frame = RayFrame::new(&Ray::new(origin, direction));
                 let block = Block::new((0u32..).zip(triangles.iter().copied()));
                 let (may, surely) = block.candidates(Portable, &frame);
