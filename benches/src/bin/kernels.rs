@@ -62,6 +62,7 @@ fn main() {
     ];
     for (class, scene) in classes {
         let kinds = [
+            (&VARIANTS[0], "single"),
             (&PLAIN, "plain"),
             (&COUNTING, "counting"),
             (&VARIANTS[5], "booked"),

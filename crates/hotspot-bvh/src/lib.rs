@@ -231,6 +231,16 @@ impl Bvh {
         )
     }
 
+    /// As [`Bvh::closest_hit_flat`], for callers that run in [`Simd::vectorize`] themselves: never a call, so that a probe that
+    /// holds much need not be handed over.
+    ///
+    /// # Panics
+    /// May panic where the tree has instances.
+    #[inline(always)]
+    pub fn closest_hit_here<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> Option<Hit> {
+        traverse::closest::<S, P, NoFilter, false>(simd, self, ray, NoFilter, probe)
+    }
+
     /// The nearest hits of up to [`PACKET`] rays in a tree without instances: those of [`Bvh::closest_hit_flat`], bit for bit, and
     /// sooner where the rays run close together, as the camera rays of a pixel do. Visits cannot be counted: the rays share them.
     ///
@@ -254,6 +264,15 @@ impl Bvh {
             #[inline(always)]
             || traverse::any::<S, P, NoFilter, false>(simd, self, ray, NoFilter, probe),
         )
+    }
+
+    /// As [`Bvh::occluded_flat`], for callers that run in [`Simd::vectorize`] themselves ([`Bvh::closest_hit_here`]).
+    ///
+    /// # Panics
+    /// May panic where the tree has instances.
+    #[inline(always)]
+    pub fn occluded_here<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> bool {
+        traverse::any::<S, P, NoFilter, false>(simd, self, ray, NoFilter, probe)
     }
 
     /// The nearest hit that `filter` accepts. Not inlined, so that a loop that seldom needs it stays small.

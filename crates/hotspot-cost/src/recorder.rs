@@ -1,15 +1,17 @@
 //! Gathers the cost and the radiance of paths, pixel by pixel.
 //!
-//! A [`TileRecorder`] belongs to one worker: no locks, no statics. For each pixel it opens a [`PixelRecorder`] (the
-//! pixel's running sums, on the stack), that opens a [`PathRecorder`] for each path (the path's own counts, in
-//! registers), that hands a [`RayCounter`] to each traversal. Paths are never stored.
+//! A [`TileRecorder`] belongs to one worker: no locks, no statics. For each visit of a pixel it opens a [`PixelVisit`] (the
+//! visit's running sums, on the stack), that [`PathCounts`] are added to when their path has ended; they hand a [`RayCounter`] to
+//! each traversal. A [`PixelRecorder`] and its [`PathRecorder`]s are the same for one path at a time. Paths are never stored.
 //!
 //! Sums are added sample by sample in the order of the calls, so that the result does not depend on how the samples are
 //! split into passes.
 
 use crate::counter::{Cause, Counter};
 use crate::depth_cut::DepthCut;
-use hotspot_probe::{NONE, Probe, RayKind, RayProbe, Spawner};
+use hotspot_probe::{NONE, Probe, RayKind, Spawner};
+
+pub use path::{PathCounts, PixelVisit, RayCounter};
 
 /// A rectangle of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -221,6 +223,16 @@ impl TileRecorder {
         PixelRecorder { pixel: &mut self.cost[index] }
     }
 
+    /// Opens half `half` of pixel (x, y) for the paths of one visit.
+    ///
+    /// # Panics
+    /// When the pixel is outside the rectangle, the half does not exist, or the frame gathers no cost.
+    #[inline]
+    pub fn visit(&mut self, x: u32, y: u32, half: usize) -> PixelVisit<'_> {
+        let index = self.index(x, y, half);
+        PixelVisit::new(&mut self.cost[index])
+    }
+
     /// Adds time spent on half `half` of pixel (x, y): `nanoseconds` for `samples` camera samples.
     ///
     /// # Panics
@@ -282,7 +294,8 @@ impl TileRecorder {
     }
 }
 
-/// The running cost sums of one pixel while its paths are traced.
+/// One pixel while its paths are traced, for renderers that visit pixels path by path ([`TileRecorder::visit`] is for those that
+/// take several samples at once).
 #[derive(Debug)]
 pub struct PixelRecorder<'t> {
     pixel: &'t mut CostPixel,
@@ -293,45 +306,6 @@ impl PixelRecorder<'_> {
     #[inline(always)]
     pub fn path(&mut self) -> PathRecorder<'_> {
         PathRecorder { pixel: self.pixel, path: PathCounts::default() }
-    }
-}
-
-/// The counts of one path.
-#[derive(Clone, Copy, Debug, Default)]
-struct PathCounts {
-    rays: u64,
-    rays_shadow: u64,
-    trace: RayCounts,
-    shadow: RayCounts,
-    blocked_nodes: u64,
-    blocked_shapes: u64,
-    bsdf: u64,
-    texture: u64,
-    texture_bytes: u64,
-    alpha_tests: u64,
-    /// Light among the last terms before the depth limit, and whether there was any.
-    cut: DepthCut,
-    near_limit: bool,
-}
-
-/// The counts of one or more rays.
-#[derive(Clone, Copy, Debug, Default)]
-struct RayCounts {
-    nodes: u64,
-    boxes: u64,
-    leaves: u64,
-    shapes: u64,
-    instances: u64,
-}
-
-impl RayCounts {
-    #[inline(always)]
-    fn add(&mut self, other: &Self) {
-        self.nodes += other.nodes;
-        self.boxes += other.boxes;
-        self.leaves += other.leaves;
-        self.shapes += other.shapes;
-        self.instances += other.instances;
     }
 }
 
@@ -348,73 +322,18 @@ impl PathRecorder<'_> {
     /// anything (for shadow rays: whether it was blocked).
     #[inline]
     pub fn add_ray(&mut self, by: Spawner, nodes: u32, shapes: u32, hit: bool) {
-        let mut ray = self.ray(by);
-        ray.counts.nodes += u64::from(nodes);
-        ray.counts.shapes += u64::from(shapes);
-        ray.finish(hit);
-    }
-
-    /// Adds nodes, boxes, leaves, shapes and instances of a ray that was announced by [`Probe::untraced`].
-    #[inline(always)]
-    pub(crate) fn add_traversal(&mut self, shadow: bool, counts: [u64; 5], hit: bool) {
-        let [nodes, boxes, leaves, shapes, instances] = counts;
-        let counts = RayCounts { nodes, boxes, leaves, shapes, instances };
-        RayCounter { path: &mut self.path, counts, shadow }.finish(hit);
-    }
-
-    /// Adds an alpha test of any ray.
-    #[inline(always)]
-    pub(crate) fn add_alpha(&mut self, lookups: u32, bytes: u32) {
-        RayCounter { path: &mut self.path, counts: RayCounts::default(), shadow: false }
-            .alpha(lookups, bytes);
+        let shadow = by.kind == RayKind::Shadow;
+        self.path.untraced(by);
+        self.path.add_visits(shadow, [nodes.into(), 0], [0, shapes.into()]);
+        if shadow && hit {
+            self.path.add_blocked(nodes.into(), shapes.into());
+        }
     }
 
     /// Closes the path and adds it to its pixel.
     #[inline(always)]
     pub fn end(self, end: PathEnd) {
-        let Self { pixel, path } = self;
-        let all = |trace: u64, shadow: u64| trace + shadow;
-        let nodes = all(path.trace.nodes, path.shadow.nodes);
-        let shapes = all(path.trace.shapes, path.shadow.shapes);
-        pixel.add(Counter::Rays, path.rays);
-        pixel.add(Counter::RaysShadow, path.rays_shadow);
-        pixel.add(Counter::Nodes, nodes);
-        pixel.add(Counter::NodesShadow, path.shadow.nodes);
-        pixel.add(Counter::Shapes, shapes);
-        pixel.add(Counter::ShapesShadow, path.shadow.shapes);
-        pixel.add(Counter::Boxes, all(path.trace.boxes, path.shadow.boxes));
-        pixel.add(Counter::BoxesShadow, path.shadow.boxes);
-        pixel.add(Counter::Leaves, all(path.trace.leaves, path.shadow.leaves));
-        pixel.add(Counter::LeavesShadow, path.shadow.leaves);
-        pixel.add(Counter::Instances, all(path.trace.instances, path.shadow.instances));
-        pixel.add(Counter::InstancesShadow, path.shadow.instances);
-        pixel.add(Counter::Bsdf, path.bsdf);
-        pixel.add(Counter::Texture, path.texture);
-        pixel.add(Counter::TextureBytes, path.texture_bytes);
-        pixel.add(Counter::AlphaTests, path.alpha_tests);
-        let (waste_nodes, waste_shapes) =
-            if end.brought_radiance { (path.blocked_nodes, path.blocked_shapes) } else { (nodes, shapes) };
-        pixel.add(Counter::WasteNodes, waste_nodes);
-        pixel.add(Counter::WasteShapes, waste_shapes);
-        pixel.add(end.cause.counter(), 1);
-        // By way of i64, one instruction each: nothing is ever as large as its sign bit.
-        let (rays, nodes, shapes) = (path.rays as i64 as f64, nodes as i64 as f64, shapes as i64 as f64);
-        pixel.squares[0] += rays * rays;
-        pixel.squares[1] += nodes * nodes;
-        pixel.squares[2] += shapes * shapes;
-        pixel.squares[3] += nodes * shapes;
-        pixel.throughput += f64::from(end.throughput);
-        if end.cause == Cause::DepthLimit {
-            pixel.cut.throughput += f64::from(end.throughput);
-        }
-        // Radiance that is not finite counts as none; few paths find light so near the limit.
-        if path.near_limit && end.brought_radiance {
-            pixel.cut.add(&path.cut);
-        }
-        if pixel.samples == 0 {
-            pixel.first_object = end.first_object;
-        }
-        pixel.samples += 1;
+        PixelVisit::new(self.pixel).add(&self.path, end);
     }
 }
 
@@ -427,79 +346,31 @@ impl Probe for PathRecorder<'_> {
 
     #[inline(always)]
     fn ray(&mut self, by: Spawner) -> RayCounter<'_> {
-        self.untraced(by);
-        RayCounter { shadow: by.kind == RayKind::Shadow, path: &mut self.path, counts: RayCounts::default() }
+        self.path.ray(by)
     }
 
     #[inline(always)]
     fn untraced(&mut self, by: Spawner) {
-        self.path.rays += 1;
-        self.path.rays_shadow += u64::from(by.kind == RayKind::Shadow);
+        self.path.untraced(by);
     }
 
     #[inline(always)]
     fn bsdf(&mut self, evaluations: u32) {
-        self.path.bsdf += u64::from(evaluations);
+        self.path.bsdf(evaluations);
     }
 
     #[inline(always)]
     fn texture(&mut self, lookups: u32, bytes: u32) {
-        self.path.texture += u64::from(lookups);
-        self.path.texture_bytes += u64::from(bytes);
+        self.path.texture(lookups, bytes);
     }
 
     #[inline(always)]
     fn light(&mut self, left: u32, luminance: f32) {
-        self.path.near_limit |= self.path.cut.arrive(left, luminance);
+        self.path.light(left, luminance);
     }
 }
 
-/// Counts one ray's traversal.
-#[derive(Debug)]
-pub struct RayCounter<'r> {
-    path: &'r mut PathCounts,
-    counts: RayCounts,
-    shadow: bool,
-}
-
-impl RayProbe for RayCounter<'_> {
-    #[inline(always)]
-    fn node(&mut self, _id: u32, boxes: u32) {
-        self.counts.nodes += 1;
-        self.counts.boxes += u64::from(boxes);
-    }
-
-    #[inline(always)]
-    fn leaf(&mut self, _id: u32, shapes: u32) {
-        self.counts.leaves += 1;
-        self.counts.shapes += u64::from(shapes);
-    }
-
-    #[inline(always)]
-    fn instance(&mut self, _id: u32) {
-        self.counts.instances += 1;
-    }
-
-    #[inline(always)]
-    fn alpha(&mut self, lookups: u32, bytes: u32) {
-        self.path.alpha_tests += 1;
-        self.path.texture += u64::from(lookups);
-        self.path.texture_bytes += u64::from(bytes);
-    }
-
-    #[inline(always)]
-    fn finish(self, hit: bool) {
-        if self.shadow {
-            self.path.shadow.add(&self.counts);
-            if hit {
-                self.path.blocked_nodes += self.counts.nodes;
-                self.path.blocked_shapes += self.counts.shapes;
-            }
-        } else {
-            self.path.trace.add(&self.counts);
-        }
-    }
-}
+mod path;
 
 #[cfg(test)]
 mod tests;

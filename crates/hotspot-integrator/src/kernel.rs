@@ -11,7 +11,7 @@ use glam::Vec3;
 use hotspot_bvh::PACKET;
 use hotspot_bvh::simd::{Simd, WithSimd};
 use hotspot_cost::ledger::{Ledger, Payers};
-use hotspot_cost::{PathEnd, PixelRecorder, TileRecorder};
+use hotspot_cost::{CostPixel, FilmPixel, PathCounts, PathEnd, PixelVisit, TileRecorder};
 use hotspot_probe::{NoProbe, Probe};
 use std::ops::Range;
 use std::time::Instant;
@@ -193,29 +193,29 @@ impl TileJob<'_> {
                 let range = of_half(&samples, half as u64, halves);
                 let (counting, plain) = split(range.clone(), half as u64);
                 let pixel_sampler = PixelSampler::new(kernel.sampler, x, y, half as u32, kernel.seed);
-                let mut film = *tile.film_mut(x, y, half);
-                let mut keep = |index: u64, result: &PathResult| {
-                    if kernel.radiance {
-                        let finite = result.radiance.is_finite();
-                        if !finite {
-                            lost.add(NonFinite { x, y, sample: index, half });
-                        }
-                        film.add(if finite { result.radiance.to_array() } else { [0.0; 3] });
-                    }
-                };
+                if let Some(cost) = tile.cost(x, y, half) {
+                    // Not touched since the last wave, and not before the first path ends: by then it is here.
+                    let start = std::ptr::from_ref(cost).cast::<u8>();
+                    simd.prefetch(start);
+                    simd.prefetch(start.wrapping_add(size_of::<CostPixel>() - 64 * 4));
+                }
+                let film = *tile.film_mut(x, y, half);
+                let mut kept = Kept { film, lost, radiance: kernel.radiance, x, y, half };
                 if !counting.is_empty() {
-                    let mut pixel = tile.pixel(x, y, half);
-                    for index in counting {
-                        let sampler = pixel_sampler.sample(index);
-                        if let (Some(ledger), Some(payers)) = (ledger.as_deref_mut(), kernel.payers) {
-                            let books = Books { payers, ledger, pixel: &mut pixel };
-                            keep(index, &booked_sample::<S, C>(simd, kernel, x, y, &sampler, books));
-                            continue;
+                    let mut visit = tile.visit(x, y, half);
+                    if let (Some(ledger), Some(payers)) = (ledger.as_deref_mut(), kernel.payers) {
+                        let books = Books { payers, ledger, visit };
+                        let kept_here = Kept { lost: kept.lost, ..kept };
+                        kept.film =
+                            booked_samples::<S, C>(simd, kernel, &pixel_sampler, counting, books, kept_here);
+                    } else {
+                        for index in counting {
+                            let sampler = pixel_sampler.sample(index);
+                            let mut path = PathCounts::default();
+                            let result = sample::<S, _, C>(simd, kernel, (x, y), &sampler, &mut path);
+                            visit.add(&path, path_end(&result));
+                            kept.add(index, &result);
                         }
-                        let mut path = pixel.path();
-                        let result = sample::<S, _, C>(simd, kernel, x, y, &sampler, &mut path);
-                        path.end(path_end(&result));
-                        keep(index, &result);
                     }
                 }
                 for first in plain.clone().step_by(PACKET) {
@@ -232,10 +232,10 @@ impl TileJob<'_> {
                             &sampler,
                             &mut NoProbe,
                         );
-                        keep(index, &result);
+                        kept.add(index, &result);
                     }
                 }
-                *tile.film_mut(x, y, half) = film;
+                *tile.film_mut(x, y, half) = kept.film;
                 if let Some(start) = &mut clock {
                     // One reading per visit: the end of one is the start of the next.
                     let now = Instant::now();
@@ -257,31 +257,60 @@ fn path_end(result: &PathResult) -> PathEnd {
     }
 }
 
-/// Where a sample is booked.
-struct Books<'a, 'p> {
-    payers: &'a Payers,
-    ledger: &'a mut Ledger,
-    pixel: &'a mut PixelRecorder<'p>,
-}
-
-/// One camera sample, recorded and booked. Not inlined, so that the kernels without ledgers stay as they are.
-#[inline(never)]
-fn booked_sample<S: Simd, C: Class>(
-    simd: S,
-    kernel: &Kernel<'_>,
+/// What a visit of a pixel keeps of its samples' radiance.
+struct Kept<'a> {
+    film: FilmPixel,
+    lost: &'a mut Lost,
+    radiance: bool,
     x: u32,
     y: u32,
-    sampler: &Sampler<'_>,
-    books: Books<'_, '_>,
-) -> PathResult {
+    half: usize,
+}
+
+impl Kept<'_> {
+    #[inline(always)]
+    fn add(&mut self, sample: u64, result: &PathResult) {
+        if self.radiance {
+            let finite = result.radiance.is_finite();
+            if !finite {
+                let Self { x, y, half, .. } = *self;
+                self.lost.add(NonFinite { x, y, sample, half });
+            }
+            self.film.add(if finite { result.radiance.to_array() } else { [0.0; 3] });
+        }
+    }
+}
+
+/// Where the samples of a visit are booked.
+struct Books<'a> {
+    payers: &'a Payers,
+    ledger: &'a mut Ledger,
+    visit: PixelVisit<'a>,
+}
+
+/// The counted samples of a visit of a pixel, recorded and booked. Not inlined, so that the kernels without ledgers stay as they
+/// are; the film is handed over and back, so that theirs can stay in registers.
+#[inline(never)]
+fn booked_samples<S: Simd, C: Class>(
+    simd: S,
+    kernel: &Kernel<'_>,
+    sampler: &PixelSampler,
+    samples: Range<u64>,
+    books: Books<'_>,
+    mut kept: Kept<'_>,
+) -> FilmPixel {
     simd.vectorize(
         #[inline(always)]
         || {
-            let Books { payers, ledger, pixel } = books;
-            let mut path = ledger.path(payers, pixel.path());
-            let result = sample::<S, _, C>(simd, kernel, x, y, sampler, &mut path);
-            path.end(path_end(&result));
-            result
+            let mut visit = books.ledger.visit(books.payers, books.visit);
+            for index in samples {
+                let mut path = visit.path();
+                let at = (kept.x, kept.y);
+                let result = sample::<S, _, C>(simd, kernel, at, &sampler.sample(index), &mut path);
+                path.end(path_end(&result));
+                kept.add(index, &result);
+            }
+            kept.film
         },
     )
 }
@@ -298,12 +327,11 @@ fn start(kernel: &Kernel<'_>, pixel: (u32, u32), sampler: &Sampler<'_>) -> Start
 fn sample<S: Simd, P: Probe, C: Class>(
     simd: S,
     kernel: &Kernel<'_>,
-    x: u32,
-    y: u32,
+    pixel: (u32, u32),
     sampler: &Sampler<'_>,
     probe: &mut P,
 ) -> PathResult {
-    let start = start(kernel, (x, y), sampler);
+    let start = start(kernel, pixel, sampler);
     trace::<S, P, C, false>(simd, kernel.scene, &kernel.path, start, sampler, probe)
 }
 

@@ -1,7 +1,9 @@
 //! The spawner ledger while it is gathered: an open-addressing table, since there are far more possible keys than real ones.
 
+use super::cells::{LEAVES, NODES, PAIRS, Pair};
 use super::payers::Column;
 use hotspot_probe::RayKind;
+use std::collections::BTreeMap;
 
 /// Bounces from here on share an entry.
 pub(super) const LAST_BOUNCE: u32 = 31;
@@ -47,7 +49,7 @@ impl Key {
     }
 }
 
-/// Counts of a bin, or of one ray.
+/// Counts of a bin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct BinCounts {
     pub(super) rays: u64,
@@ -61,8 +63,7 @@ pub(super) struct BinCounts {
 }
 
 impl BinCounts {
-    #[inline(always)]
-    fn add(&mut self, other: &Self) {
+    pub(super) fn add(&mut self, other: &Self) {
         self.rays += other.rays;
         self.hits += other.hits;
         self.blocked += other.blocked;
@@ -78,29 +79,51 @@ impl BinCounts {
 #[repr(align(64))]
 struct Bin {
     key: Key,
-    counts: BinCounts,
+    /// With those that hit in place of boxes.
+    rays: Pair,
+    /// Nodes with boxes, leaf blocks with shapes.
+    visits: [Pair; PAIRS],
+    /// The same, of blocked shadow rays.
+    blocked: [Pair; PAIRS],
 }
 
 const EMPTY: Bin = Bin {
     key: Key::EMPTY,
-    counts: BinCounts { rays: 0, hits: 0, blocked: 0, nodes: 0, boxes: 0, leaves: 0, shapes: 0 },
+    rays: Pair::NOTHING,
+    visits: [Pair::NOTHING; PAIRS],
+    blocked: [Pair::NOTHING; PAIRS],
 };
+
+impl Bin {
+    /// All but those that went aside.
+    const fn counts(&self) -> BinCounts {
+        let ([nodes, boxes], [leaves, shapes]) = (self.visits[NODES].split(), self.visits[LEAVES].split());
+        let [rays, hits] = self.rays.split();
+        let blocked = self.blocked[NODES].split()[0] + self.blocked[LEAVES].split()[1];
+        BinCounts { rays, hits, blocked, nodes, boxes, leaves, shapes }
+    }
+}
 
 /// Instances and alpha tests of a bin, where there are any.
 pub(super) type RareCounts = [u64; 2];
 
-/// The table: a power of two of bins, at most a quarter of them used, so that few rays need to search.
+/// The table: a power of two of bins, at most one in eight of them used, so that few rays need to search.
 #[derive(Clone, Debug)]
 pub(super) struct Bins {
     bins: Vec<Bin>,
     /// By bin.
     rare: Vec<RareCounts>,
+    /// What pairs could not hold.
+    wide: BTreeMap<Key, BinCounts>,
     used: usize,
 }
 
+/// Bins of an empty table.
+const FEWEST: usize = 2048;
+
 impl Bins {
     pub(super) fn new() -> Self {
-        Self { bins: vec![EMPTY; 512], rare: vec![[0; 2]; 512], used: 0 }
+        Self { bins: vec![EMPTY; FEWEST], rare: vec![[0; 2]; FEWEST], wide: BTreeMap::new(), used: 0 }
     }
 
     /// Where the search for a key begins: Fibonacci hashing.
@@ -109,13 +132,43 @@ impl Bins {
         (key.0.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as usize & (self.bins.len() - 1)
     }
 
+    /// Adds a ray with its visits of nodes and leaf blocks. `blocked`: it is a shadow ray that hit.
     #[inline(always)]
-    pub(super) fn add(&mut self, key: Key, counts: &BinCounts) {
+    pub(super) fn add_ray(&mut self, key: Key, hit: bool, visits: [Pair; PAIRS], blocked: bool) {
         let mut index = self.first(key);
         if self.bins[index].key != key {
             index = self.find(key);
         }
-        self.bins[index].counts.add(counts);
+        let bin = &mut self.bins[index];
+        let mut full = bin.rays.add(Pair::one(hit));
+        for (sum, visits) in bin.visits.iter_mut().zip(visits) {
+            full |= sum.add(visits);
+        }
+        if blocked {
+            for (sum, visits) in bin.blocked.iter_mut().zip(visits) {
+                full |= sum.add(visits);
+            }
+        }
+        if full {
+            self.empty(index);
+        }
+    }
+
+    /// Takes the sums out of a bin of which one is full.
+    #[cold]
+    #[inline(never)]
+    fn empty(&mut self, index: usize) {
+        let Bin { key, .. } = self.bins[index];
+        self.wide.entry(key).or_default().add(&self.bins[index].counts());
+        self.bins[index] = Bin { key, ..EMPTY };
+    }
+
+    /// Adds what pairs may not hold.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn add_wide(&mut self, key: Key, counts: &BinCounts) {
+        self.find(key);
+        self.wide.entry(key).or_default().add(counts);
     }
 
     /// Adds instances and alpha tests.
@@ -133,7 +186,7 @@ impl Bins {
             return place;
         }
         self.used += 1;
-        if 4 * self.used > self.bins.len() {
+        if 8 * self.used > self.bins.len() {
             let len = 2 * self.bins.len();
             let bins = std::mem::replace(&mut self.bins, vec![EMPTY; len]);
             let rare = std::mem::replace(&mut self.rare, vec![[0; 2]; len]);
@@ -158,14 +211,18 @@ impl Bins {
     }
 
     /// What was counted, in no order.
-    pub(super) fn iter(&self) -> impl Iterator<Item = (Key, &BinCounts, RareCounts)> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = (Key, BinCounts, RareCounts)> {
         let used = self.bins.iter().zip(&self.rare).filter(|(bin, _)| bin.key != Key::EMPTY);
-        used.map(|(bin, rare)| (bin.key, &bin.counts, *rare))
+        used.map(|(bin, rare)| {
+            let mut counts = self.wide.get(&bin.key).copied().unwrap_or_default();
+            counts.add(&bin.counts());
+            (bin.key, counts, *rare)
+        })
     }
 
     pub(super) fn merge(&mut self, other: &Self) {
         for (key, counts, rare) in other.iter() {
-            self.add(key, counts);
+            self.add_wide(key, &counts);
             self.add_rare(key, rare);
         }
     }
@@ -195,18 +252,24 @@ mod tests {
                 random.below(40),
                 kind,
             );
+            // Few rays of many bins, so that some sums are full at some time.
+            let most = (1 << 31) - 1;
+            let [nodes, leaves] = [[3, 4], [5, 6]].map(|visits: [u64; 2]| {
+                if random.below(9) == 0 { [visits[0], most - visits[0]] } else { visits }
+            });
+            let (hit, shadow) = (round % 2 == 0, kind == RayKind::Shadow);
             let counts = BinCounts {
                 rays: 1,
-                hits: round % 2,
-                blocked: round,
-                nodes: 3,
-                boxes: 4,
-                leaves: 5,
-                shapes: 6,
+                hits: hit.into(),
+                blocked: if hit && shadow { nodes[0] + leaves[1] } else { 0 },
+                nodes: nodes[0],
+                boxes: nodes[1],
+                leaves: leaves[0],
+                shapes: leaves[1],
             };
             let rare = [round % 3, round % 2];
             let into = if round % 3 == 0 { &mut other } else { &mut bins };
-            into.add(key, &counts);
+            into.add_ray(key, hit, [nodes, leaves].map(|visits| Pair::of(visits).unwrap()), hit && shadow);
             into.add_rare(key, rare);
             let sums: &mut (BinCounts, RareCounts) = expected.entry(key).or_default();
             sums.0.add(&counts);
@@ -215,7 +278,7 @@ mod tests {
         }
         bins.merge(&other);
         let found: BTreeMap<Key, (BinCounts, RareCounts)> =
-            bins.iter().map(|(key, counts, rare)| (key, (*counts, rare))).collect();
+            bins.iter().map(|(key, counts, rare)| (key, (counts, rare))).collect();
         assert!(found == expected && found.len() > 4000);
         assert_eq!(found.values().map(|(counts, _)| counts.rays).sum::<u64>(), 20_000);
         assert_eq!(size_of::<Bin>(), 64);

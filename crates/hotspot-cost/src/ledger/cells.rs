@@ -25,8 +25,14 @@ impl Pair {
         if boxes < Self::MOST { Some(Self(((boxes as u64) << 32) + (1 << 32 | 1))) } else { None }
     }
 
+    /// One visit, of one box or of none.
+    #[inline(always)]
+    pub(super) const fn one(with_box: bool) -> Self {
+        Self(((with_box as u64) << 32) + (1 << 32 | 1))
+    }
+
     /// So many visits and boxes, where they fit.
-    const fn of([visits, boxes]: [u64; 2]) -> Option<Self> {
+    pub(super) const fn of([visits, boxes]: [u64; 2]) -> Option<Self> {
         if visits + boxes < 1 << 31 { Some(Self((visits + boxes) << 32 | visits)) } else { None }
     }
 
@@ -56,7 +62,7 @@ impl Pair {
 pub(super) const NODES: usize = 0;
 pub(super) const LEAVES: usize = 1;
 /// How many.
-const PAIRS: usize = 2;
+pub(super) const PAIRS: usize = 2;
 
 /// What cells cannot hold, and what few scenes have.
 #[derive(Clone, Debug)]
@@ -81,17 +87,17 @@ impl Aside {
 
     /// What no pair can hold: a full one that is taken out, a visit of very many boxes. `spawner`'s, at `place` of its row.
     pub(super) fn odd_visits(&mut self, spawner: Column, place: Place, visits: [u64; 2]) {
-        self.add_wide(self.row(spawner).start + usize::from(place), visits);
+        self.add_wide(self.row(spawner).start + place as usize, visits);
     }
 
     /// Books what stands in a row's places of the instance that the ray was in ([`Payers::inside`]) on that one's slot.
     pub(super) fn leave(&mut self, spawner: Column, row: &mut [Pair], inside: Column) {
         for pair in 0..PAIRS {
             let visits = row[row.len() - PAIRS + pair].take();
-            let place = PAIRS as Place * inside + pair as Place;
+            let place = PAIRS as Place * Place::from(inside) + pair as Place;
             // Not as a pair: it might not fit beside what is there.
             if visits[0] > 0 {
-                let slot = &mut row[usize::from(place)];
+                let slot = &mut row[place as usize];
                 let [before, boxes] = slot.take();
                 match Pair::of([before + visits[0], boxes + visits[1]]) {
                     Some(sum) => *slot = sum,
@@ -104,7 +110,7 @@ impl Aside {
             let end = self.row(spawner).end;
             for pair in 0..PAIRS {
                 if let Some(visits) = self.overflow.remove(&(end - PAIRS + pair)) {
-                    self.odd_visits(spawner, PAIRS as Place * inside + pair as Place, visits);
+                    self.odd_visits(spawner, PAIRS as Place * Place::from(inside) + pair as Place, visits);
                 }
             }
         }

@@ -1,14 +1,14 @@
-//! Booking rays while they are traced: a probe around the recorder's.
+//! Booking rays while they are traced: a probe that records paths too.
 //!
 //! Each worker has a [`Ledger`] of its own and merges it in the end; sums of integers do not depend on the order. What a
-//! visit costs: one look-up of its place, one addition there; the spawner is booked once per ray. Visits inside an instance
-//! are added in a place of their own, and moved to the instance's when the ray leaves it: so no visit has to ask.
+//! visit costs: one look-up of its place, one addition there, one to the ray's own sum; the spawner is booked once per ray. Visits
+//! inside an instance are added in a place of their own, and moved to the instance's when the ray leaves it: so no visit has to ask.
 
 use super::bins::{BinCounts, Bins, Key, RareCounts};
-use super::cells::{Aside, Cells, LEAVES, NODES, Pair};
+use super::cells::{Aside, Cells, LEAVES, NODES, PAIRS, Pair};
 use super::payers::{Column, Payers, Place, Tree};
 use super::rows::{Ledgers, MatrixRow, PayerRow, SpawnerRow, Traversal};
-use crate::recorder::{PathEnd, PathRecorder};
+use crate::recorder::{PathCounts, PathEnd, PixelVisit};
 use hotspot_probe::{NONE, Probe, RayKind, RayProbe, Spawner};
 
 /// The sums of one worker.
@@ -24,27 +24,29 @@ impl Ledger {
         Self { cells: Cells::new(payers), bins: Bins::new() }
     }
 
-    /// Books a path as well as recording it. To be ended ([`BookedPath::end`]): paths that are not would be in the ledgers but
-    /// not in the frame.
+    /// Books the paths of a visit of a pixel as well as recording them.
     #[inline(always)]
-    pub fn path<'p>(&'p mut self, payers: &'p Payers, path: PathRecorder<'p>) -> BookedPath<'p> {
+    pub fn visit<'p>(&'p mut self, payers: &'p Payers, pixel: PixelVisit<'p>) -> BookedVisit<'p> {
         let (pairs, aside) = self.cells.parts();
-        BookedPath {
+        BookedVisit {
+            tree: payers.tree(),
             pairs,
-            state: State {
-                tree: payers.tree(),
-                key: Key::new(0, NONE, 0, 0, RayKind::Camera),
-                rare: [0; 2],
-                inside: 0,
-                special: false,
-                before: [0; 2],
-                block: 0,
-                left: 0,
-                path,
-                payers,
-                aside,
-                bins: &mut self.bins,
-            },
+            row: 0,
+            visits: [Pair::NOTHING; PAIRS],
+            key: Key::new(0, NONE, 0, 0, RayKind::Camera),
+            shadow: false,
+            special: false,
+            sums: [[Pair::NOTHING; PAIRS]; 3],
+            counts: PathCounts::default(),
+            left: 0,
+            rare: [0; 2],
+            inside: 0,
+            before: [[0; 2]; PAIRS],
+            block: 0,
+            payers,
+            aside,
+            bins: &mut self.bins,
+            pixel,
         }
     }
 
@@ -74,7 +76,7 @@ impl Ledger {
             .bins
             .iter()
             .map(|(key, counts, [instances, alpha_tests])| {
-                let &BinCounts { rays, hits, blocked, nodes, boxes, leaves, shapes } = counts;
+                let BinCounts { rays, hits, blocked, nodes, boxes, leaves, shapes } = counts;
                 SpawnerRow {
                     object: payers.object(key.object()),
                     material: (key.material() != NONE).then_some(key.material()),
@@ -110,52 +112,78 @@ impl Ledger {
     }
 }
 
-/// A path that is booked and recorded.
+/// A visit of a pixel whose paths are booked and recorded: all that a path and a ray change stands here, behind the one address
+/// that traversals, which may be calls, are handed.
 #[derive(Debug)]
-pub struct BookedPath<'p> {
+pub struct BookedVisit<'p> {
+    tree: Tree<'p>,
     /// What rays visited, by spawner and place.
     pairs: &'p mut [Pair],
-    state: State<'p>,
-}
-
-impl BookedPath<'_> {
-    /// Closes the path ([`PathRecorder::end`]).
-    #[inline(always)]
-    pub fn end(self, end: PathEnd) {
-        self.state.path.end(end);
-    }
-}
-
-/// A path, what is known of the ray that it is casting, and where they are booked but for visits.
-#[derive(Debug)]
-struct State<'p> {
-    tree: Tree<'p>,
+    /// Where the row of what sent the ray begins.
+    row: usize,
+    /// What the ray visited since it entered an instance: nodes with boxes, leaf blocks with shapes.
+    visits: [Pair; PAIRS],
     /// What sent the ray.
     key: Key,
-    /// Its instances and alpha tests; nothing between rays.
+    /// Whether it is a shadow ray.
+    shadow: bool,
+    /// Whether there is anything in `rare` or `before`.
+    special: bool,
+    /// Visits of the path's rays that have ended: of camera and bounce rays, of shadow rays, of blocked shadow rays.
+    sums: [[Pair; PAIRS]; 3],
+    /// The path's other counts.
+    counts: PathCounts,
+    /// Where in [`Aside`] is kept how paths went on from the object that the path left last.
+    left: usize,
+    /// The ray's instances and alpha tests; nothing between rays.
     rare: RareCounts,
     /// Slot of the instance that it is in; the scene's between rays.
     inside: Column,
-    /// Whether there is anything in `rare`.
-    special: bool,
-    /// Nodes and blocks that it visited before its last instance; nothing between rays.
-    before: [u64; 2],
+    /// What it visited before its last instance, and what `visits` cannot hold; nothing between rays.
+    before: [[u64; 2]; PAIRS],
     /// Slot of its last leaf block before that instance.
     block: Column,
-    /// Where in [`Aside`] is kept how paths went on from the object that the path left last.
-    left: usize,
-    path: PathRecorder<'p>,
     payers: &'p Payers,
     aside: &'p mut Aside,
     bins: &'p mut Bins,
+    pixel: PixelVisit<'p>,
 }
 
-impl State<'_> {
+/// In [`BookedVisit::sums`]; the first two are those of a `bool`.
+const BLOCKED: usize = 2;
+
+impl<'p> BookedVisit<'p> {
+    /// Opens a path. To be ended ([`BookedPath::end`]): one that is not would be in the ledgers but not in the frame.
+    #[inline(always)]
+    pub fn path(&mut self) -> BookedPath<'_, 'p> {
+        self.left = 0;
+        self.sums = [[Pair::NOTHING; PAIRS]; 3];
+        self.counts = PathCounts::default();
+        BookedPath { visit: self }
+    }
+
     #[inline(always)]
     fn key_of(&self, spawner: Column, by: Spawner) -> Key {
         // Only shadow rays aim.
         let light = if by.light == NONE { 0 } else { self.payers.light(by.light) };
         Key::new(spawner, by.material, light, by.bounce, by.kind)
+    }
+
+    #[inline(always)]
+    fn add(&mut self, id: u32, place: Option<Place>, pair: usize, boxes: u32) {
+        if let Some(visit) = Pair::visit(boxes)
+            && let Some(place) = place
+            && let Some(sum) = self.pairs.get_mut(self.row + place as usize)
+        {
+            if sum.add(visit) {
+                self.empty(place);
+            }
+            if self.visits[pair].add(visit) {
+                self.keep_apart(pair);
+            }
+        } else {
+            self.odd_visit(id, pair, boxes);
+        }
     }
 
     /// A visit of very many boxes, or beyond every row.
@@ -164,34 +192,51 @@ impl State<'_> {
     fn odd_visit(&mut self, id: u32, pair: usize, boxes: u32) {
         let spawner = self.key.object();
         let place = if pair == NODES { self.tree.node(id) } else { self.tree.block(id) };
-        match place.filter(|place| usize::from(*place) < self.aside.row(0).end) {
+        match place.filter(|place| (*place as usize) < self.aside.row(0).end) {
             Some(place) => self.aside.odd_visits(spawner, place, [1, u64::from(boxes)]),
             None => {
                 let triangles = if pair == LEAVES { self.payers.stray(id) } else { &[] };
                 self.aside.visit_nowhere(spawner, pair, boxes, triangles);
             }
         }
+        self.before[pair][0] += 1;
+        self.before[pair][1] += u64::from(boxes);
+        self.special = true;
     }
 
     /// Takes a full pair out of the spawner's row.
     #[cold]
     #[inline(never)]
-    fn empty(&mut self, row: &mut [Pair], place: Place) {
-        self.aside.odd_visits(self.key.object(), place, row[usize::from(place)].take());
+    fn empty(&mut self, place: Place) {
+        let full = self.pairs[self.row + place as usize].take();
+        self.aside.odd_visits(self.key.object(), place, full);
     }
 
-    /// The ray enters an instance, after so many visits of nodes and blocks since the last, `block` the last of them.
-    #[inline(never)]
-    fn enter(&mut self, row: &mut [Pair], id: u32, visits: [u32; 2], block: u32) {
-        let spawner = self.key.object();
-        self.block = self.slot_of_block(block);
-        self.aside.leave(spawner, row, self.inside);
-        self.inside = self.payers.instance(id);
-        self.aside.instance(spawner, self.inside);
-        self.rare[0] += 1;
-        self.before[NODES] += u64::from(visits[NODES]);
-        self.before[LEAVES] += u64::from(visits[LEAVES]);
+    /// Takes the ray's visits of nodes or leaf blocks out of their pair.
+    fn keep_apart(&mut self, pair: usize) {
+        let [visits, boxes] = self.visits[pair].take();
+        self.before[pair][0] += visits;
+        self.before[pair][1] += boxes;
         self.special = true;
+    }
+
+    /// What the ray visited inside the instance that it leaves goes to that one's slot.
+    fn leave(&mut self) {
+        let spawner = self.key.object();
+        let row = &mut self.pairs[self.aside.row(spawner)];
+        self.aside.leave(spawner, row, self.inside);
+    }
+
+    /// The ray enters an instance after `block`, the last that it visited since another.
+    #[inline(never)]
+    fn enter(&mut self, id: u32, block: u32) {
+        self.block = self.slot_of_block(block);
+        self.leave();
+        self.inside = self.payers.instance(id);
+        self.aside.instance(self.key.object(), self.inside);
+        self.rare[0] += 1;
+        self.keep_apart(NODES);
+        self.keep_apart(LEAVES);
     }
 
     /// The slot that pays for what happens in the ray's last block, if that is after its last instance.
@@ -205,29 +250,95 @@ impl State<'_> {
 
     /// A hit on a block was asked whether it is there.
     #[inline(never)]
-    fn alpha_test(&mut self, block: u32) {
+    fn alpha_test(&mut self, block: u32, lookups: u32, bytes: u32) {
+        self.counts.add_alpha(lookups, bytes);
         self.aside.alpha_test(self.key.object(), self.slot_of_block(block));
         self.rare[1] += 1;
         self.special = true;
     }
 
-    /// Books what few rays have, of one that ends: nodes and blocks before its last instance, and its instances.
+    /// Books a ray that has ended, and all of whose visits are in their pairs.
+    #[inline(always)]
+    fn finish(&mut self, hit: bool) {
+        let (visits, blocked) = (self.visits, hit && self.shadow);
+        self.bins.add_ray(self.key, hit, visits, blocked);
+        let kind = usize::from(self.shadow);
+        let mut full = false;
+        for (pair, visits) in visits.into_iter().enumerate() {
+            full |= self.sums[kind][pair].add(visits);
+            if blocked {
+                full |= self.sums[BLOCKED][pair].add(visits);
+            }
+        }
+        if full {
+            self.count_sums();
+        }
+    }
+
+    /// Books a ray that has ended, with what few rays have.
     #[inline(never)]
-    fn finish_special(&mut self, row: &mut [Pair]) -> [u64; 3] {
+    fn finish_special(&mut self, hit: bool) {
         let rare = std::mem::take(&mut self.rare);
         self.bins.add_rare(self.key, rare);
+        self.counts.add_instances(self.shadow, rare[0]);
         if rare[0] > 0 {
-            self.aside.leave(self.key.object(), row, self.inside);
+            self.leave();
             self.inside = 0;
         }
-        self.special = false;
         self.block = 0;
+        self.keep_apart(NODES);
+        self.keep_apart(LEAVES);
+        self.special = false;
         let [nodes, leaves] = std::mem::take(&mut self.before);
-        [nodes, leaves, rare[0]]
+        if let (Some(nodes), Some(leaves)) = (Pair::of(nodes), Pair::of(leaves)) {
+            self.visits = [nodes, leaves];
+            return self.finish(hit);
+        }
+        let blocked = hit && self.shadow;
+        self.counts.add_visits(self.shadow, nodes, leaves);
+        if blocked {
+            self.counts.add_blocked(nodes[0], leaves[1]);
+        }
+        let counts = BinCounts {
+            rays: 1,
+            hits: hit.into(),
+            blocked: if blocked { nodes[0] + leaves[1] } else { 0 },
+            nodes: nodes[0],
+            boxes: nodes[1],
+            leaves: leaves[0],
+            shapes: leaves[1],
+        };
+        self.bins.add_wide(self.key, &counts);
+    }
+
+    /// Moves the path's sums of visits to its counts.
+    fn count_sums(&mut self) {
+        let Self { sums, counts, .. } = self;
+        for shadow in [false, true] {
+            let [nodes, leaves] = &mut sums[usize::from(shadow)];
+            counts.add_visits(shadow, nodes.take(), leaves.take());
+        }
+        let [nodes, leaves] = &mut sums[BLOCKED];
+        counts.add_blocked(nodes.take()[0], leaves.take()[1]);
     }
 }
 
-impl<'p> Probe for BookedPath<'p> {
+/// A path that is booked and recorded.
+#[derive(Debug)]
+pub struct BookedPath<'v, 'p> {
+    visit: &'v mut BookedVisit<'p>,
+}
+
+impl BookedPath<'_, '_> {
+    /// Closes the path ([`PixelVisit::add`]).
+    #[inline(always)]
+    pub fn end(self, end: PathEnd) {
+        self.visit.count_sums();
+        self.visit.pixel.add(&self.visit.counts, end);
+    }
+}
+
+impl<'p> Probe for BookedPath<'_, 'p> {
     const ON: bool = true;
     type Ray<'r>
         = BookedRay<'r, 'p>
@@ -236,117 +347,82 @@ impl<'p> Probe for BookedPath<'p> {
 
     #[inline(always)]
     fn ray(&mut self, by: Spawner) -> BookedRay<'_, 'p> {
-        let state = &mut self.state;
-        let spawner = state.payers.slot(by.object);
+        let visit = &mut *self.visit;
+        let spawner = visit.payers.slot(by.object);
         if by.kind == RayKind::Bounce {
             // The path is where it leaves from: its last ray but for shadow rays has landed there.
-            state.left = state.aside.landed(state.left, spawner);
+            visit.left = visit.aside.landed(visit.left, spawner);
         }
-        state.path.untraced(by);
-        state.key = state.key_of(spawner, by);
-        let row = &mut self.pairs[state.aside.row(spawner)];
-        let shadow = by.kind == RayKind::Shadow;
-        BookedRay { state, row, nodes: 0, boxes: 0, leaves: 0, shapes: 0, block: NONE, shadow }
+        visit.counts.untraced(by);
+        visit.key = visit.key_of(spawner, by);
+        visit.row = visit.aside.row(spawner).start;
+        visit.shadow = by.kind == RayKind::Shadow;
+        visit.visits = [Pair::NOTHING; PAIRS];
+        BookedRay { visit, block: NONE }
     }
 
     #[inline(always)]
     fn untraced(&mut self, by: Spawner) {
-        let state = &mut self.state;
-        state.path.untraced(by);
-        let key = state.key_of(state.payers.slot(by.object), by);
-        state.bins.add(key, &BinCounts { rays: 1, ..BinCounts::default() });
+        let visit = &mut *self.visit;
+        visit.counts.untraced(by);
+        let key = visit.key_of(visit.payers.slot(by.object), by);
+        visit.bins.add_ray(key, false, [Pair::NOTHING; PAIRS], false);
     }
 
     #[inline(always)]
     fn bsdf(&mut self, evaluations: u32) {
-        self.state.path.bsdf(evaluations);
+        self.visit.counts.bsdf(evaluations);
     }
 
     #[inline(always)]
     fn texture(&mut self, lookups: u32, bytes: u32) {
-        self.state.path.texture(lookups, bytes);
+        self.visit.counts.texture(lookups, bytes);
     }
 
     #[inline(always)]
     fn light(&mut self, left: u32, luminance: f32) {
-        self.state.path.light(left, luminance);
+        self.visit.counts.light(left, luminance);
     }
 }
 
-/// A ray that is booked and counted; it must be finished. What changes with each visit is held by value, so that it can stay
-/// in registers; the rest stands in its path, since traversals may be calls and few words are handed over faster than many.
+/// A ray that is booked and counted; it must be finished. Two words: traversals may be calls, and more would be handed over in
+/// memory.
 #[derive(Debug)]
 pub struct BookedRay<'r, 'p> {
-    state: &'r mut State<'p>,
-    /// The spawner's row, by place.
-    row: &'r mut [Pair],
-    /// Visits, since it entered an instance, and boxes. Of two types, or else the compiler keeps both in one vector, which takes
-    /// three times the instructions. No tree has as many as 2^32 nodes or blocks, and a ray visits each once.
-    nodes: u32,
-    boxes: u64,
-    leaves: u32,
-    shapes: u64,
+    visit: &'r mut BookedVisit<'p>,
     /// Its last leaf block since it entered an instance, [`NONE`] without one.
     block: u32,
-    shadow: bool,
-}
-
-impl BookedRay<'_, '_> {
-    #[inline(always)]
-    fn visit(&mut self, id: u32, place: Option<Place>, pair: usize, boxes: u32) {
-        if let Some(place) = place
-            && let Some(sum) = self.row.get_mut(usize::from(place))
-            && let Some(visit) = Pair::visit(boxes)
-        {
-            if sum.add(visit) {
-                self.state.empty(self.row, place);
-            }
-        } else {
-            self.state.odd_visit(id, pair, boxes);
-        }
-    }
 }
 
 impl RayProbe for BookedRay<'_, '_> {
     #[inline(always)]
     fn node(&mut self, id: u32, boxes: u32) {
-        self.nodes = self.nodes.wrapping_add(1);
-        self.boxes += u64::from(boxes);
-        self.visit(id, self.state.tree.node(id), NODES, boxes);
+        self.visit.add(id, self.visit.tree.node(id), NODES, boxes);
     }
 
     #[inline(always)]
     fn leaf(&mut self, id: u32, shapes: u32) {
-        self.leaves = self.leaves.wrapping_add(1);
-        self.shapes += u64::from(shapes);
         self.block = id;
-        self.visit(id, self.state.tree.block(id), LEAVES, shapes);
+        self.visit.add(id, self.visit.tree.block(id), LEAVES, shapes);
     }
 
     #[inline(always)]
     fn instance(&mut self, id: u32) {
-        let visits = [std::mem::take(&mut self.nodes), std::mem::take(&mut self.leaves)];
         let block = std::mem::replace(&mut self.block, NONE);
-        self.state.enter(self.row, id, visits, block);
+        self.visit.enter(id, block);
     }
 
     #[inline(always)]
     fn alpha(&mut self, lookups: u32, bytes: u32) {
-        self.state.path.add_alpha(lookups, bytes);
-        self.state.alpha_test(self.block);
+        self.visit.alpha_test(self.block, lookups, bytes);
     }
 
     #[inline(always)]
     fn finish(self, hit: bool) {
-        let Self { state, row, boxes, shapes, shadow, .. } = self;
-        let (mut nodes, mut leaves, mut instances) = (u64::from(self.nodes), u64::from(self.leaves), 0);
-        if state.special {
-            let before = state.finish_special(row);
-            (nodes, leaves, instances) = (nodes + before[NODES], leaves + before[LEAVES], before[2]);
+        if self.visit.special {
+            self.visit.finish_special(hit);
+        } else {
+            self.visit.finish(hit);
         }
-        state.path.add_traversal(shadow, [nodes, boxes, leaves, shapes, instances], hit);
-        let blocked = if hit && shadow { nodes + shapes } else { 0 };
-        let counts = BinCounts { rays: 1, hits: u64::from(hit), blocked, nodes, boxes, leaves, shapes };
-        state.bins.add(state.key, &counts);
     }
 }

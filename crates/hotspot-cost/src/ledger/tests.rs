@@ -84,8 +84,9 @@ fn booked_in(
     let mut frame = Frame::new(FrameDesc::new(1, 1));
     let mut oracle = Oracle::default();
     for index in 0..paths {
-        let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
-        let mut path = ledgers[index as usize % workers].path(&payers, pixel.path());
+        let pixel = frame.tiles_mut()[0].visit(0, 0, 0);
+        let mut visit = ledgers[index as usize % workers].visit(&payers, pixel);
+        let mut path = visit.path();
         let mut left = None;
         for _ in 0..=random.below(4) {
             let by = some_spawner(objects, &mut random);
@@ -282,12 +283,13 @@ fn the_last_column_is_whole() {
         PayerDesc { triangles: vec![1], blocks: vec![Payer::Scene(Vec::new())], ..PayerDesc::default() };
     let payers = Payers::new(&desc);
     let (mut ledger, mut frame) = (Ledger::new(&payers), Frame::new(FrameDesc::new(1, 1)));
-    let mut path_of = frame.tiles_mut()[0].pixel(0, 0, 0);
-    let mut path = ledger.path(&payers, path_of.path());
+    let mut visit = ledger.visit(&payers, frame.tiles_mut()[0].visit(0, 0, 0));
+    let mut path = visit.path();
     let mut ray = path.ray(Spawner::CAMERA);
     ray.leaf(0, 0);
     ray.finish(false);
     path.end(PathEnd { cause: Cause::Escaped, throughput: 1.0, brought_radiance: true, first_object: 0 });
+    drop(visit);
     let rows = ledger.rows(&payers, &["a".to_owned()], &[]);
     assert_eq!((rows.payer.len(), rows.payer[0].object, rows.payer[0].traversal.leaves), (1, None, 1));
 }
@@ -327,12 +329,13 @@ fn merging_loses_nothing_of_full_sums() {
     let mut sum = Ledger::new(&payers);
     for _ in 0..5 {
         let mut ledger = Ledger::new(&payers);
-        let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
-        let mut path = ledger.path(&payers, pixel.path());
+        let mut visit = ledger.visit(&payers, frame.tiles_mut()[0].visit(0, 0, 0));
+        let mut path = visit.path();
         let mut ray = path.ray(Spawner::CAMERA);
         ray.node(0, (1 << 31) - 1);
         ray.finish(false);
         path.end(PathEnd { cause: Cause::Escaped, throughput: 1.0, brought_radiance: true, first_object: 0 });
+        drop(visit);
         sum.merge(&ledger);
     }
     let row = sum.rows(&payers, &["a".to_owned()], &[]).payer[0].traversal;

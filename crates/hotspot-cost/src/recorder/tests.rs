@@ -1,6 +1,7 @@
 use super::*;
 use crate::testing::{Random, SHADOW, random_frame, random_path};
 use crate::{CostModel, Frame, FrameDesc, LayerOptions, Layers, Metric, MetricSet, Sum, stats};
+use hotspot_probe::RayProbe;
 
 const END: PathEnd =
     PathEnd { cause: Cause::Escaped, throughput: 1.0, brought_radiance: true, first_object: 3 };
