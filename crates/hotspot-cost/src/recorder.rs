@@ -1,8 +1,9 @@
 //! Gathers the cost and the radiance of paths, pixel by pixel.
 //!
-//! A [`TileRecorder`] belongs to one worker: no locks, no statics. For each visit of a pixel it opens a [`PixelVisit`] (the
-//! visit's running sums, on the stack), that [`PathCounts`] are added to when their path has ended; they hand a [`RayCounter`] to
-//! each traversal. A [`PixelRecorder`] and its [`PathRecorder`]s are the same for one path at a time. Paths are never stored.
+//! A [`TileRecorder`] belongs to one worker: no locks, no statics. For each pixel it opens a [`PixelRecorder`], that opens a
+//! [`PathRecorder`] for each path, that hands a [`RayCounter`] to each traversal. Who takes several samples of a pixel at once opens
+//! a [`PixelVisit`] (running sums, on the stack), that [`PathCounts`] are added to when their path has ended. Paths are never
+//! stored.
 //!
 //! Sums are added sample by sample in the order of the calls, so that the result does not depend on how the samples are
 //! split into passes.
@@ -223,14 +224,15 @@ impl TileRecorder {
         PixelRecorder { pixel: &mut self.cost[index] }
     }
 
-    /// Opens half `half` of pixel (x, y) for the paths of one visit.
+    /// Half `half` of pixel (x, y) as a whole: its radiance sums, and what counts, unless the frame gathers no cost.
     ///
     /// # Panics
-    /// When the pixel is outside the rectangle, the half does not exist, or the frame gathers no cost.
-    #[inline]
-    pub fn visit(&mut self, x: u32, y: u32, half: usize) -> PixelVisit<'_> {
+    /// When the pixel is outside the rectangle or the half does not exist.
+    #[inline(always)]
+    pub fn open(&mut self, x: u32, y: u32, half: usize) -> (&mut FilmPixel, Option<PixelRecorder<'_>>) {
         let index = self.index(x, y, half);
-        PixelVisit::new(&mut self.cost[index])
+        let cost = self.cost.get_mut(index).map(|pixel| PixelRecorder { pixel });
+        (&mut self.film[index], cost)
     }
 
     /// Adds time spent on half `half` of pixel (x, y): `nanoseconds` for `samples` camera samples.
@@ -239,10 +241,7 @@ impl TileRecorder {
     /// When the pixel is outside the rectangle, the half does not exist, or the frame gathers no cost.
     #[inline]
     pub fn add_time(&mut self, x: u32, y: u32, half: usize, nanoseconds: u64, samples: u64) {
-        let index = self.index(x, y, half);
-        let pixel = &mut self.cost[index];
-        pixel.time_ns += nanoseconds;
-        pixel.time_samples += samples;
+        self.pixel(x, y, half).add_time(nanoseconds, samples);
     }
 
     /// Radiance sums of a pixel's half, `None` outside the tile or for a half that does not exist.
@@ -294,8 +293,7 @@ impl TileRecorder {
     }
 }
 
-/// One pixel while its paths are traced, for renderers that visit pixels path by path ([`TileRecorder::visit`] is for those that
-/// take several samples at once).
+/// The cost sums of one pixel while its paths are traced.
 #[derive(Debug)]
 pub struct PixelRecorder<'t> {
     pixel: &'t mut CostPixel,
@@ -306,6 +304,25 @@ impl PixelRecorder<'_> {
     #[inline(always)]
     pub fn path(&mut self) -> PathRecorder<'_> {
         PathRecorder { pixel: self.pixel, path: PathCounts::default() }
+    }
+
+    /// Opens the pixel for several paths at once, which takes less of each.
+    #[inline(always)]
+    pub fn visit(&mut self) -> PixelVisit<'_> {
+        PixelVisit::new(self.pixel)
+    }
+
+    /// Adds time spent on the pixel: `nanoseconds` for `samples` camera samples.
+    #[inline(always)]
+    pub fn add_time(&mut self, nanoseconds: u64, samples: u64) {
+        self.pixel.time_ns += nanoseconds;
+        self.pixel.time_samples += samples;
+    }
+
+    /// Where its sums are, for who wants to prefetch them.
+    #[inline(always)]
+    pub fn sums(&self) -> *const CostPixel {
+        self.pixel
     }
 }
 

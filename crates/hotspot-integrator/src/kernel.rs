@@ -11,7 +11,7 @@ use glam::Vec3;
 use hotspot_bvh::PACKET;
 use hotspot_bvh::simd::{Simd, WithSimd};
 use hotspot_cost::ledger::{Ledger, Payers};
-use hotspot_cost::{CostPixel, FilmPixel, PathCounts, PathEnd, PixelVisit, TileRecorder};
+use hotspot_cost::{FilmPixel, PathCounts, PathEnd, PixelRecorder, TileRecorder};
 use hotspot_probe::{NoProbe, Probe};
 use std::ops::Range;
 use std::time::Instant;
@@ -163,9 +163,10 @@ impl TileJob<'_> {
     }
 }
 
-/// The numbers of `samples` that belong to `half`, as indices within the half.
+/// The numbers of `samples` that belong to `half`, as indices within the half. `halves`: 1 or 2; shifted, since a division takes
+/// as long as twenty instructions.
 fn of_half(samples: &Range<u64>, half: u64, halves: u64) -> Range<u64> {
-    let index = |n: u64| (n + halves - 1 - half) / halves;
+    let index = |n: u64| (n + halves - 1 - half) >> (halves - 1);
     index(samples.start)..index(samples.end)
 }
 
@@ -193,22 +194,22 @@ impl TileJob<'_> {
                 let range = of_half(&samples, half as u64, halves);
                 let (counting, plain) = split(range.clone(), half as u64);
                 let pixel_sampler = PixelSampler::new(kernel.sampler, x, y, half as u32, kernel.seed);
-                if let Some(cost) = tile.cost(x, y, half) {
-                    // Not touched since the last wave, and not before the first path ends: by then it is here.
-                    let start = std::ptr::from_ref(cost).cast::<u8>();
-                    simd.prefetch(start);
-                    simd.prefetch(start.wrapping_add(size_of::<CostPixel>() - 64 * 4));
+                let (film, mut cost) = tile.open(x, y, half);
+                if let Some(cost) = &cost {
+                    // Not touched since the last wave, and not before the first path ends: by then they are here.
+                    let sums = cost.sums();
+                    simd.prefetch(sums.cast());
+                    simd.prefetch(sums.wrapping_add(1).cast::<u8>().wrapping_sub(256));
                 }
-                let film = *tile.film_mut(x, y, half);
-                let mut kept = Kept { film, lost, radiance: kernel.radiance, x, y, half };
-                if !counting.is_empty() {
-                    let mut visit = tile.visit(x, y, half);
+                let mut kept = Kept { film: *film, lost, radiance: kernel.radiance, x, y, half };
+                if let Some(cost) = cost.as_mut().filter(|_| !counting.is_empty()) {
                     if let (Some(ledger), Some(payers)) = (ledger.as_deref_mut(), kernel.payers) {
-                        let books = Books { payers, ledger, visit };
+                        let books = Books { payers, ledger, cost };
                         let kept_here = Kept { lost: kept.lost, ..kept };
                         kept.film =
                             booked_samples::<S, C>(simd, kernel, &pixel_sampler, counting, books, kept_here);
                     } else {
+                        let mut visit = cost.visit();
                         for index in counting {
                             let sampler = pixel_sampler.sample(index);
                             let mut path = PathCounts::default();
@@ -235,12 +236,12 @@ impl TileJob<'_> {
                         kept.add(index, &result);
                     }
                 }
-                *tile.film_mut(x, y, half) = kept.film;
-                if let Some(start) = &mut clock {
+                *film = kept.film;
+                if let (Some(start), Some(cost)) = (&mut clock, &mut cost) {
                     // One reading per visit: the end of one is the start of the next.
                     let now = Instant::now();
                     let nanoseconds = now.duration_since(*start).as_nanos() as u64;
-                    tile.add_time(x, y, half, nanoseconds, range.end - range.start);
+                    cost.add_time(nanoseconds, range.end - range.start);
                     *start = now;
                 }
             }
@@ -282,10 +283,10 @@ impl Kept<'_> {
 }
 
 /// Where the samples of a visit are booked.
-struct Books<'a> {
+struct Books<'a, 't> {
     payers: &'a Payers,
     ledger: &'a mut Ledger,
-    visit: PixelVisit<'a>,
+    cost: &'a mut PixelRecorder<'t>,
 }
 
 /// The counted samples of a visit of a pixel, recorded and booked. Not inlined, so that the kernels without ledgers stay as they
@@ -296,13 +297,13 @@ fn booked_samples<S: Simd, C: Class>(
     kernel: &Kernel<'_>,
     sampler: &PixelSampler,
     samples: Range<u64>,
-    books: Books<'_>,
+    books: Books<'_, '_>,
     mut kept: Kept<'_>,
 ) -> FilmPixel {
     simd.vectorize(
         #[inline(always)]
         || {
-            let mut visit = books.ledger.visit(books.payers, books.visit);
+            let mut visit = books.ledger.visit(books.payers, books.cost.visit());
             for index in samples {
                 let mut path = visit.path();
                 let at = (kept.x, kept.y);

@@ -111,7 +111,10 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
         let hit = if KNOWN && bounces == 0 {
             first
         } else {
-            closest_hit::<S, _, C>(simd, scene, &ray, sampler, bounces, probe.ray(spawner))
+            // Said again, so that the compiler sees that it is no shadow ray.
+            let kind = if bounces == 0 { RayKind::Camera } else { RayKind::Bounce };
+            let probe = probe.ray(Spawner { kind, ..spawner });
+            closest_hit::<S, _, C>(simd, scene, &ray, sampler, bounces, probe)
         };
         let Some(hit) = hit else {
             if let Some((environment, mut pdf)) = scene.lights.escaped::<P, C>(-wo, scattered.cos, probe) {

@@ -79,8 +79,8 @@ impl BinCounts {
 #[repr(align(64))]
 struct Bin {
     key: Key,
-    /// With those that hit in place of boxes.
-    rays: Pair,
+    rays: u64,
+    hits: u64,
     /// Nodes with boxes, leaf blocks with shapes.
     visits: [Pair; PAIRS],
     /// The same, of blocked shadow rays.
@@ -89,7 +89,8 @@ struct Bin {
 
 const EMPTY: Bin = Bin {
     key: Key::EMPTY,
-    rays: Pair::NOTHING,
+    rays: 0,
+    hits: 0,
     visits: [Pair::NOTHING; PAIRS],
     blocked: [Pair::NOTHING; PAIRS],
 };
@@ -98,9 +99,8 @@ impl Bin {
     /// All but those that went aside.
     const fn counts(&self) -> BinCounts {
         let ([nodes, boxes], [leaves, shapes]) = (self.visits[NODES].split(), self.visits[LEAVES].split());
-        let [rays, hits] = self.rays.split();
         let blocked = self.blocked[NODES].split()[0] + self.blocked[LEAVES].split()[1];
-        BinCounts { rays, hits, blocked, nodes, boxes, leaves, shapes }
+        BinCounts { rays: self.rays, hits: self.hits, blocked, nodes, boxes, leaves, shapes }
     }
 }
 
@@ -140,7 +140,9 @@ impl Bins {
             index = self.find(key);
         }
         let bin = &mut self.bins[index];
-        let mut full = bin.rays.add(Pair::one(hit));
+        bin.rays += 1;
+        bin.hits += u64::from(hit);
+        let mut full = false;
         for (sum, visits) in bin.visits.iter_mut().zip(visits) {
             full |= sum.add(visits);
         }

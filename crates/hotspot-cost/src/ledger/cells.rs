@@ -25,12 +25,6 @@ impl Pair {
         if boxes < Self::MOST { Some(Self(((boxes as u64) << 32) + (1 << 32 | 1))) } else { None }
     }
 
-    /// One visit, of one box or of none.
-    #[inline(always)]
-    pub(super) const fn one(with_box: bool) -> Self {
-        Self(((with_box as u64) << 32) + (1 << 32 | 1))
-    }
-
     /// So many visits and boxes, where they fit.
     pub(super) const fn of([visits, boxes]: [u64; 2]) -> Option<Self> {
         if visits + boxes < 1 << 31 { Some(Self((visits + boxes) << 32 | visits)) } else { None }

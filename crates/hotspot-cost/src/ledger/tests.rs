@@ -84,8 +84,8 @@ fn booked_in(
     let mut frame = Frame::new(FrameDesc::new(1, 1));
     let mut oracle = Oracle::default();
     for index in 0..paths {
-        let pixel = frame.tiles_mut()[0].visit(0, 0, 0);
-        let mut visit = ledgers[index as usize % workers].visit(&payers, pixel);
+        let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
+        let mut visit = ledgers[index as usize % workers].visit(&payers, pixel.visit());
         let mut path = visit.path();
         let mut left = None;
         for _ in 0..=random.below(4) {
@@ -283,7 +283,8 @@ fn the_last_column_is_whole() {
         PayerDesc { triangles: vec![1], blocks: vec![Payer::Scene(Vec::new())], ..PayerDesc::default() };
     let payers = Payers::new(&desc);
     let (mut ledger, mut frame) = (Ledger::new(&payers), Frame::new(FrameDesc::new(1, 1)));
-    let mut visit = ledger.visit(&payers, frame.tiles_mut()[0].visit(0, 0, 0));
+    let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
+    let mut visit = ledger.visit(&payers, pixel.visit());
     let mut path = visit.path();
     let mut ray = path.ray(Spawner::CAMERA);
     ray.leaf(0, 0);
@@ -329,7 +330,8 @@ fn merging_loses_nothing_of_full_sums() {
     let mut sum = Ledger::new(&payers);
     for _ in 0..5 {
         let mut ledger = Ledger::new(&payers);
-        let mut visit = ledger.visit(&payers, frame.tiles_mut()[0].visit(0, 0, 0));
+        let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
+        let mut visit = ledger.visit(&payers, pixel.visit());
         let mut path = visit.path();
         let mut ray = path.ray(Spawner::CAMERA);
         ray.node(0, (1 << 31) - 1);

@@ -133,15 +133,15 @@ impl WithSimd for Job<'_> {
         match kernel.scene.class() {
             SceneClass::Matte => simd.vectorize(
                 #[inline(always)]
-                || sample::<S, _, MatteClass>(simd, kernel, x, y, &sampler, listener),
+                || sample::<S, _, MatteClass>(simd, kernel, (x, y), &sampler, listener),
             ),
             SceneClass::Lobes => simd.vectorize(
                 #[inline(always)]
-                || sample::<S, _, LobesClass>(simd, kernel, x, y, &sampler, listener),
+                || sample::<S, _, LobesClass>(simd, kernel, (x, y), &sampler, listener),
             ),
             SceneClass::Full => simd.vectorize(
                 #[inline(always)]
-                || sample::<S, _, FullClass>(simd, kernel, x, y, &sampler, listener),
+                || sample::<S, _, FullClass>(simd, kernel, (x, y), &sampler, listener),
             ),
         }
     }
