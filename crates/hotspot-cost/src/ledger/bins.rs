@@ -96,6 +96,24 @@ const EMPTY: Bin = Bin {
 };
 
 impl Bin {
+    /// Adds a ray; whether a sum is full then.
+    #[inline(always)]
+    #[must_use]
+    fn add(&mut self, hit: bool, visits: [Pair; PAIRS], blocked: bool) -> bool {
+        self.rays += 1;
+        self.hits += u64::from(hit);
+        let mut full = false;
+        for (sum, visits) in self.visits.iter_mut().zip(visits) {
+            full |= sum.add(visits);
+        }
+        if blocked {
+            for (sum, visits) in self.blocked.iter_mut().zip(visits) {
+                full |= sum.add(visits);
+            }
+        }
+        full
+    }
+
     /// All but those that went aside.
     const fn counts(&self) -> BinCounts {
         let ([nodes, boxes], [leaves, shapes]) = (self.visits[NODES].split(), self.visits[LEAVES].split());
@@ -135,23 +153,20 @@ impl Bins {
     /// Adds a ray with its visits of nodes and leaf blocks. `blocked`: it is a shadow ray that hit.
     #[inline(always)]
     pub(super) fn add_ray(&mut self, key: Key, hit: bool, visits: [Pair; PAIRS], blocked: bool) {
-        let mut index = self.first(key);
-        if self.bins[index].key != key {
-            index = self.find(key);
+        let index = self.first(key);
+        let Some(bin) = self.bins.get_mut(index).filter(|bin| bin.key == key) else {
+            return self.add_elsewhere(key, hit, visits, blocked);
+        };
+        if bin.add(hit, visits, blocked) {
+            self.empty(index);
         }
-        let bin = &mut self.bins[index];
-        bin.rays += 1;
-        bin.hits += u64::from(hit);
-        let mut full = false;
-        for (sum, visits) in bin.visits.iter_mut().zip(visits) {
-            full |= sum.add(visits);
-        }
-        if blocked {
-            for (sum, visits) in bin.blocked.iter_mut().zip(visits) {
-                full |= sum.add(visits);
-            }
-        }
-        if full {
+    }
+
+    /// The same, of a key whose bin is not where the search begins, or that has none.
+    #[inline(never)]
+    fn add_elsewhere(&mut self, key: Key, hit: bool, visits: [Pair; PAIRS], blocked: bool) {
+        let index = self.find(key);
+        if self.bins[index].add(hit, visits, blocked) {
             self.empty(index);
         }
     }
@@ -181,7 +196,6 @@ impl Bins {
     }
 
     /// The bin of a key, made where there is none.
-    #[inline(never)]
     fn find(&mut self, key: Key) -> usize {
         let place = self.place(key);
         if self.bins[place].key == key {

@@ -34,7 +34,6 @@ impl Ledger {
             row: 0,
             visits: [Pair::NOTHING; PAIRS],
             key: Key::new(0, NONE, 0, 0, RayKind::Camera),
-            shadow: false,
             special: false,
             sums: [[Pair::NOTHING; PAIRS]; 3],
             counts: PathCounts::default(),
@@ -125,8 +124,6 @@ pub struct BookedVisit<'p> {
     visits: [Pair; PAIRS],
     /// What sent the ray.
     key: Key,
-    /// Whether it is a shadow ray.
-    shadow: bool,
     /// Whether there is anything in `rare` or `before`.
     special: bool,
     /// Visits of the path's rays that have ended: of camera and bounce rays, of shadow rays, of blocked shadow rays.
@@ -259,10 +256,10 @@ impl<'p> BookedVisit<'p> {
 
     /// Books a ray that has ended, and all of whose visits are in their pairs.
     #[inline(always)]
-    fn finish(&mut self, hit: bool) {
-        let (visits, blocked) = (self.visits, hit && self.shadow);
+    fn finish(&mut self, shadow: bool, hit: bool) {
+        let (visits, blocked) = (self.visits, hit && shadow);
         self.bins.add_ray(self.key, hit, visits, blocked);
-        let kind = usize::from(self.shadow);
+        let kind = usize::from(shadow);
         let mut full = false;
         for (pair, visits) in visits.into_iter().enumerate() {
             full |= self.sums[kind][pair].add(visits);
@@ -277,10 +274,10 @@ impl<'p> BookedVisit<'p> {
 
     /// Books a ray that has ended, with what few rays have.
     #[inline(never)]
-    fn finish_special(&mut self, hit: bool) {
+    fn finish_special(&mut self, shadow: bool, hit: bool) {
         let rare = std::mem::take(&mut self.rare);
         self.bins.add_rare(self.key, rare);
-        self.counts.add_instances(self.shadow, rare[0]);
+        self.counts.add_instances(shadow, rare[0]);
         if rare[0] > 0 {
             self.leave();
             self.inside = 0;
@@ -292,10 +289,10 @@ impl<'p> BookedVisit<'p> {
         let [nodes, leaves] = std::mem::take(&mut self.before);
         if let (Some(nodes), Some(leaves)) = (Pair::of(nodes), Pair::of(leaves)) {
             self.visits = [nodes, leaves];
-            return self.finish(hit);
+            return self.finish(shadow, hit);
         }
-        let blocked = hit && self.shadow;
-        self.counts.add_visits(self.shadow, nodes, leaves);
+        let blocked = hit && shadow;
+        self.counts.add_visits(shadow, nodes, leaves);
         if blocked {
             self.counts.add_blocked(nodes[0], leaves[1]);
         }
@@ -356,9 +353,8 @@ impl<'p> Probe for BookedPath<'_, 'p> {
         visit.counts.untraced(by);
         visit.key = visit.key_of(spawner, by);
         visit.row = visit.aside.row(spawner).start;
-        visit.shadow = by.kind == RayKind::Shadow;
         visit.visits = [Pair::NOTHING; PAIRS];
-        BookedRay { visit, block: NONE }
+        BookedRay { visit, block: NONE, shadow: by.kind == RayKind::Shadow }
     }
 
     #[inline(always)]
@@ -385,13 +381,13 @@ impl<'p> Probe for BookedPath<'_, 'p> {
     }
 }
 
-/// A ray that is booked and counted; it must be finished. Two words: traversals may be calls, and more would be handed over in
-/// memory.
+/// A ray that is booked and counted; it must be finished. Little but an address: traversals may be calls.
 #[derive(Debug)]
 pub struct BookedRay<'r, 'p> {
     visit: &'r mut BookedVisit<'p>,
     /// Its last leaf block since it entered an instance, [`NONE`] without one.
     block: u32,
+    shadow: bool,
 }
 
 impl RayProbe for BookedRay<'_, '_> {
@@ -420,9 +416,9 @@ impl RayProbe for BookedRay<'_, '_> {
     #[inline(always)]
     fn finish(self, hit: bool) {
         if self.visit.special {
-            self.visit.finish_special(hit);
+            self.visit.finish_special(self.shadow, hit);
         } else {
-            self.visit.finish(hit);
+            self.visit.finish(self.shadow, hit);
         }
     }
 }

@@ -222,3 +222,57 @@ fn a_frame_without_cost_gathers_radiance_alone() {
     let names: Vec<&str> = layers.planes.keys().map(String::as_str).collect();
     assert_eq!(names, ["A", "B", "G", "R", "samples"]);
 }
+
+/// Feeds a path some rays, near the depth limit too.
+fn some_rays<P: Probe>(path: &mut P, random: &mut Random) {
+    for _ in 0..random.below(4) {
+        for by in [Spawner::CAMERA, SHADOW, SHADOW] {
+            let mut ray = path.ray(by);
+            for id in 0..random.below(5) {
+                ray.node(id, 1 + random.below(8));
+                ray.leaf(id, random.below(9));
+            }
+            if random.below(3) == 0 {
+                ray.instance(0);
+                ray.alpha(1, 4);
+            }
+            ray.finish(random.below(2) == 0);
+        }
+        path.untraced(SHADOW);
+        path.bsdf(2);
+        path.texture(1, 16);
+        path.light(random.below(6), random.unit() as f32);
+    }
+}
+
+#[test]
+fn visits_of_several_paths_leave_what_paths_one_by_one_do() {
+    let mut frame = Frame::new(FrameDesc::new(2, 1));
+    let mut randoms = [Random::new(8), Random::new(8)];
+    for visit_of in [1, 3, 2, 7] {
+        let end = |random: &mut Random| PathEnd {
+            cause: [Cause::Escaped, Cause::Absorbed, Cause::Roulette, Cause::DepthLimit]
+                [random.below(4) as usize],
+            throughput: random.unit() as f32,
+            brought_radiance: random.below(2) == 0,
+            first_object: random.below(9),
+        };
+        for _ in 0..visit_of {
+            let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
+            let mut path = pixel.path();
+            some_rays(&mut path, &mut randoms[0]);
+            path.end(end(&mut randoms[0]));
+        }
+        let mut pixel = frame.tiles_mut()[0].pixel(1, 0, 0);
+        let mut visit = pixel.visit();
+        for _ in 0..visit_of {
+            let mut path = PathCounts::default();
+            some_rays(&mut path, &mut randoms[1]);
+            visit.add(&path, end(&mut randoms[1]));
+        }
+    }
+    let [one_by_one, visits] = [0, 1].map(|x| *frame.cost(x, 0, 0).unwrap());
+    assert_eq!(visits, one_by_one);
+    assert!(visits.counts.iter().all(|sum| *sum > 0) && visits.samples == 13);
+    assert!(visits.cut.throughput > 0.0 && visits.cut.last.iter().all(|sum| *sum > 0.0));
+}
