@@ -81,17 +81,17 @@ impl Aside {
 
     /// What no pair can hold: a full one that is taken out, a visit of very many boxes. `spawner`'s, at `place` of its row.
     pub(super) fn odd_visits(&mut self, spawner: Column, place: Place, visits: [u64; 2]) {
-        self.add_wide(self.row(spawner).start + place as usize, visits);
+        self.add_wide(self.row(spawner).start + usize::from(place), visits);
     }
 
     /// Books what stands in a row's places of the instance that the ray was in ([`Payers::inside`]) on that one's slot.
     pub(super) fn leave(&mut self, spawner: Column, row: &mut [Pair], inside: Column) {
         for pair in 0..PAIRS {
             let visits = row[row.len() - PAIRS + pair].take();
-            let place = PAIRS as Place * Place::from(inside) + pair as Place;
+            let place = PAIRS as Place * inside + pair as Place;
             // Not as a pair: it might not fit beside what is there.
             if visits[0] > 0 {
-                let slot = &mut row[place as usize];
+                let slot = &mut row[usize::from(place)];
                 let [before, boxes] = slot.take();
                 match Pair::of([before + visits[0], boxes + visits[1]]) {
                     Some(sum) => *slot = sum,
@@ -104,7 +104,7 @@ impl Aside {
             let end = self.row(spawner).end;
             for pair in 0..PAIRS {
                 if let Some(visits) = self.overflow.remove(&(end - PAIRS + pair)) {
-                    self.odd_visits(spawner, PAIRS as Place * Place::from(inside) + pair as Place, visits);
+                    self.odd_visits(spawner, PAIRS as Place * inside + pair as Place, visits);
                 }
             }
         }

@@ -29,23 +29,24 @@ impl Ledger {
     pub fn visit<'p>(&'p mut self, payers: &'p Payers, pixel: PixelVisit<'p>) -> BookedVisit<'p> {
         let (pairs, aside) = self.cells.parts();
         BookedVisit {
-            tree: payers.tree(),
             pairs,
-            row: 0,
-            visits: [Pair::NOTHING; PAIRS],
-            key: Key::new(0, NONE, 0, 0, RayKind::Camera),
-            special: false,
-            sums: [[Pair::NOTHING; PAIRS]; 3],
-            counts: PathCounts::default(),
-            left: 0,
-            rare: [0; 2],
-            inside: 0,
-            before: [[0; 2]; PAIRS],
-            block: 0,
-            payers,
-            aside,
-            bins: &mut self.bins,
-            pixel,
+            state: State {
+                tree: payers.tree(),
+                visits: [Pair::NOTHING; PAIRS],
+                key: Key::new(0, NONE, 0, 0, RayKind::Camera),
+                special: false,
+                sums: [[Pair::NOTHING; PAIRS]; 3],
+                counts: PathCounts::default(),
+                left: 0,
+                rare: [0; 2],
+                inside: 0,
+                before: [[0; 2]; PAIRS],
+                block: 0,
+                payers,
+                aside,
+                bins: &mut self.bins,
+                pixel,
+            },
         }
     }
 
@@ -111,15 +112,18 @@ impl Ledger {
     }
 }
 
-/// A visit of a pixel whose paths are booked and recorded: all that a path and a ray change stands here, behind the one address
-/// that traversals, which may be calls, are handed.
+/// A visit of a pixel whose paths are booked and recorded.
 #[derive(Debug)]
 pub struct BookedVisit<'p> {
-    tree: Tree<'p>,
     /// What rays visited, by spawner and place.
     pairs: &'p mut [Pair],
-    /// Where the row of what sent the ray begins.
-    row: usize,
+    state: State<'p>,
+}
+
+/// All that a path and a ray change but for the pairs, behind one address.
+#[derive(Debug)]
+struct State<'p> {
+    tree: Tree<'p>,
     /// What the ray visited since it entered an instance: nodes with boxes, leaf blocks with shapes.
     visits: [Pair; PAIRS],
     /// What sent the ray.
@@ -146,41 +150,26 @@ pub struct BookedVisit<'p> {
     pixel: PixelVisit<'p>,
 }
 
-/// In [`BookedVisit::sums`]; the first two are those of a `bool`.
+/// In [`State::sums`]; the first two are those of a `bool`.
 const BLOCKED: usize = 2;
 
 impl<'p> BookedVisit<'p> {
     /// Opens a path. To be ended ([`BookedPath::end`]): one that is not would be in the ledgers but not in the frame.
     #[inline(always)]
     pub fn path(&mut self) -> BookedPath<'_, 'p> {
-        self.left = 0;
-        self.sums = [[Pair::NOTHING; PAIRS]; 3];
-        self.counts = PathCounts::default();
+        self.state.left = 0;
+        self.state.sums = [[Pair::NOTHING; PAIRS]; 3];
+        self.state.counts = PathCounts::default();
         BookedPath { visit: self }
     }
+}
 
+impl State<'_> {
     #[inline(always)]
     fn key_of(&self, spawner: Column, by: Spawner) -> Key {
         // Only shadow rays aim.
         let light = if by.light == NONE { 0 } else { self.payers.light(by.light) };
         Key::new(spawner, by.material, light, by.bounce, by.kind)
-    }
-
-    #[inline(always)]
-    fn add(&mut self, id: u32, place: Option<Place>, pair: usize, boxes: u32) {
-        if let Some(visit) = Pair::visit(boxes)
-            && let Some(place) = place
-            && let Some(sum) = self.pairs.get_mut(self.row + place as usize)
-        {
-            if sum.add(visit) {
-                self.empty(place);
-            }
-            if self.visits[pair].add(visit) {
-                self.keep_apart(pair);
-            }
-        } else {
-            self.odd_visit(id, pair, boxes);
-        }
     }
 
     /// A visit of very many boxes, or beyond every row.
@@ -189,7 +178,7 @@ impl<'p> BookedVisit<'p> {
     fn odd_visit(&mut self, id: u32, pair: usize, boxes: u32) {
         let spawner = self.key.object();
         let place = if pair == NODES { self.tree.node(id) } else { self.tree.block(id) };
-        match place.filter(|place| (*place as usize) < self.aside.row(0).end) {
+        match place.filter(|place| usize::from(*place) < self.aside.row(0).end) {
             Some(place) => self.aside.odd_visits(spawner, place, [1, u64::from(boxes)]),
             None => {
                 let triangles = if pair == LEAVES { self.payers.stray(id) } else { &[] };
@@ -204,12 +193,12 @@ impl<'p> BookedVisit<'p> {
     /// Takes a full pair out of the spawner's row.
     #[cold]
     #[inline(never)]
-    fn empty(&mut self, place: Place) {
-        let full = self.pairs[self.row + place as usize].take();
-        self.aside.odd_visits(self.key.object(), place, full);
+    fn empty(&mut self, row: &mut [Pair], place: Place) {
+        self.aside.odd_visits(self.key.object(), place, row[usize::from(place)].take());
     }
 
     /// Takes the ray's visits of nodes or leaf blocks out of their pair.
+    #[inline(never)]
     fn keep_apart(&mut self, pair: usize) {
         let [visits, boxes] = self.visits[pair].take();
         self.before[pair][0] += visits;
@@ -217,20 +206,14 @@ impl<'p> BookedVisit<'p> {
         self.special = true;
     }
 
-    /// What the ray visited inside the instance that it leaves goes to that one's slot.
-    fn leave(&mut self) {
-        let spawner = self.key.object();
-        let row = &mut self.pairs[self.aside.row(spawner)];
-        self.aside.leave(spawner, row, self.inside);
-    }
-
     /// The ray enters an instance after `block`, the last that it visited since another.
     #[inline(never)]
-    fn enter(&mut self, id: u32, block: u32) {
+    fn enter(&mut self, row: &mut [Pair], id: u32, block: u32) {
+        let spawner = self.key.object();
         self.block = self.slot_of_block(block);
-        self.leave();
+        self.aside.leave(spawner, row, self.inside);
         self.inside = self.payers.instance(id);
-        self.aside.instance(self.key.object(), self.inside);
+        self.aside.instance(spawner, self.inside);
         self.rare[0] += 1;
         self.keep_apart(NODES);
         self.keep_apart(LEAVES);
@@ -274,12 +257,12 @@ impl<'p> BookedVisit<'p> {
 
     /// Books a ray that has ended, with what few rays have.
     #[inline(never)]
-    fn finish_special(&mut self, shadow: bool, hit: bool) {
+    fn finish_special(&mut self, row: &mut [Pair], shadow: bool, hit: bool) {
         let rare = std::mem::take(&mut self.rare);
         self.bins.add_rare(self.key, rare);
         self.counts.add_instances(shadow, rare[0]);
         if rare[0] > 0 {
-            self.leave();
+            self.aside.leave(self.key.object(), row, self.inside);
             self.inside = 0;
         }
         self.block = 0;
@@ -330,8 +313,9 @@ impl BookedPath<'_, '_> {
     /// Closes the path ([`PixelVisit::add`]).
     #[inline(always)]
     pub fn end(self, end: PathEnd) {
-        self.visit.count_sums();
-        self.visit.pixel.add(&self.visit.counts, end);
+        let state = &mut self.visit.state;
+        state.count_sums();
+        state.pixel.add(&state.counts, end);
     }
 }
 
@@ -344,81 +328,103 @@ impl<'p> Probe for BookedPath<'_, 'p> {
 
     #[inline(always)]
     fn ray(&mut self, by: Spawner) -> BookedRay<'_, 'p> {
-        let visit = &mut *self.visit;
-        let spawner = visit.payers.slot(by.object);
+        let BookedVisit { pairs, state } = &mut *self.visit;
+        let spawner = state.payers.slot(by.object);
         if by.kind == RayKind::Bounce {
             // The path is where it leaves from: its last ray but for shadow rays has landed there.
-            visit.left = visit.aside.landed(visit.left, spawner);
+            state.left = state.aside.landed(state.left, spawner);
         }
-        visit.counts.untraced(by);
-        visit.key = visit.key_of(spawner, by);
-        visit.row = visit.aside.row(spawner).start;
-        visit.visits = [Pair::NOTHING; PAIRS];
-        BookedRay { visit, block: NONE, shadow: by.kind == RayKind::Shadow }
+        state.counts.untraced(by);
+        state.key = state.key_of(spawner, by);
+        state.visits = [Pair::NOTHING; PAIRS];
+        let row = &mut pairs[state.aside.row(spawner)];
+        BookedRay { state, row, block: NONE, shadow: by.kind == RayKind::Shadow }
     }
 
     #[inline(always)]
     fn untraced(&mut self, by: Spawner) {
-        let visit = &mut *self.visit;
-        visit.counts.untraced(by);
-        let key = visit.key_of(visit.payers.slot(by.object), by);
-        visit.bins.add_ray(key, false, [Pair::NOTHING; PAIRS], false);
+        let state = &mut self.visit.state;
+        state.counts.untraced(by);
+        let key = state.key_of(state.payers.slot(by.object), by);
+        state.bins.add_ray(key, false, [Pair::NOTHING; PAIRS], false);
     }
 
     #[inline(always)]
     fn bsdf(&mut self, evaluations: u32) {
-        self.visit.counts.bsdf(evaluations);
+        self.visit.state.counts.bsdf(evaluations);
     }
 
     #[inline(always)]
     fn texture(&mut self, lookups: u32, bytes: u32) {
-        self.visit.counts.texture(lookups, bytes);
+        self.visit.state.counts.texture(lookups, bytes);
     }
 
     #[inline(always)]
     fn light(&mut self, left: u32, luminance: f32) {
-        self.visit.counts.light(left, luminance);
+        self.visit.state.counts.light(left, luminance);
     }
 }
 
-/// A ray that is booked and counted; it must be finished. Little but an address: traversals may be calls.
+/// A ray that is booked and counted; it must be finished. It holds what stays or is seldom asked for, so that it can be
+/// registers where the traversal is part of the path loop, and little where that is a call.
 #[derive(Debug)]
 pub struct BookedRay<'r, 'p> {
-    visit: &'r mut BookedVisit<'p>,
+    state: &'r mut State<'p>,
+    /// The spawner's row, by place.
+    row: &'r mut [Pair],
     /// Its last leaf block since it entered an instance, [`NONE`] without one.
     block: u32,
     shadow: bool,
 }
 
+impl BookedRay<'_, '_> {
+    #[inline(always)]
+    fn visit(&mut self, id: u32, place: Option<Place>, pair: usize, boxes: u32) {
+        if let Some(visit) = Pair::visit(boxes)
+            && let Some(place) = place
+            && let Some(sum) = self.row.get_mut(usize::from(place))
+        {
+            if sum.add(visit) {
+                self.state.empty(self.row, place);
+            }
+            if self.state.visits[pair].add(visit) {
+                self.state.keep_apart(pair);
+            }
+        } else {
+            self.state.odd_visit(id, pair, boxes);
+        }
+    }
+}
+
 impl RayProbe for BookedRay<'_, '_> {
     #[inline(always)]
     fn node(&mut self, id: u32, boxes: u32) {
-        self.visit.add(id, self.visit.tree.node(id), NODES, boxes);
+        self.visit(id, self.state.tree.node(id), NODES, boxes);
     }
 
     #[inline(always)]
     fn leaf(&mut self, id: u32, shapes: u32) {
         self.block = id;
-        self.visit.add(id, self.visit.tree.block(id), LEAVES, shapes);
+        self.visit(id, self.state.tree.block(id), LEAVES, shapes);
     }
 
     #[inline(always)]
     fn instance(&mut self, id: u32) {
         let block = std::mem::replace(&mut self.block, NONE);
-        self.visit.enter(id, block);
+        self.state.enter(self.row, id, block);
     }
 
     #[inline(always)]
     fn alpha(&mut self, lookups: u32, bytes: u32) {
-        self.visit.alpha_test(self.block, lookups, bytes);
+        self.state.alpha_test(self.block, lookups, bytes);
     }
 
     #[inline(always)]
     fn finish(self, hit: bool) {
-        if self.visit.special {
-            self.visit.finish_special(self.shadow, hit);
+        if self.state.special {
+            self.state.finish_special(self.row, self.shadow, hit);
         } else {
-            self.visit.finish(self.shadow, hit);
+            self.state.finish(self.shadow, hit);
         }
     }
 }

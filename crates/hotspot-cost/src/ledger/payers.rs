@@ -35,10 +35,10 @@ pub(super) type Column = u16;
 
 /// Where in a spawner's row a visit is booked: twice the column for nodes, one more for leaf blocks. What the tables of a tree
 /// hold, so that a visit need not reckon.
-pub(super) type Place = u32;
+pub(super) type Place = u16;
 
-/// Beyond the last row, whichever it is added to: blocks of several objects without a column, which are in `strays`.
-const NOWHERE: Place = 1 << 30;
+/// Beyond every row: blocks of several objects without a column, which are in `strays`.
+const NOWHERE: Place = Place::MAX;
 
 /// Most slots: the matrix holds the square of it.
 const MOST_SLOTS: usize = 1024;
@@ -48,11 +48,11 @@ const MOST_LIGHTS: usize = 64;
 const MOST_SETS: usize = 1024;
 
 const fn node_place(column: Column) -> Place {
-    (column as Place) << 1
+    column << 1
 }
 
 const fn block_place(column: Column) -> Place {
-    (column as Place) << 1 | 1
+    column << 1 | 1
 }
 
 /// Objects (by slot) with how many triangles each has in a block.
@@ -180,9 +180,9 @@ impl Payers {
     /// The slot that pays for what happens in a block at a place, of a ray that is in the instance of slot `inside`: for blocks
     /// of several objects the scene.
     pub(super) fn slot_of_block(&self, place: Option<Place>, inside: Column) -> Column {
-        match place.map(|place| place as usize >> 1) {
-            Some(column) if column < self.count() => column as Column,
-            Some(column) if column == self.inside() => inside,
+        match place.map(|place| place >> 1) {
+            Some(column) if usize::from(column) < self.count() => column,
+            Some(column) if usize::from(column) == self.inside() => inside,
             _ => 0,
         }
     }
@@ -228,13 +228,14 @@ impl Payers {
 
     /// Bytes held.
     pub fn memory(&self) -> u64 {
-        let places = self.nodes.len() + self.blocks.len();
-        let columns = self.instances.len()
+        let words = self.nodes.len()
+            + self.blocks.len()
+            + self.instances.len()
             + self.slots.len()
             + self.lights.len()
             + self.strays.values().map(Vec::len).sum::<usize>();
         let sets: usize = self.sets.iter().map(|set| size_of_val(set.as_slice())).sum();
-        (size_of::<Place>() * places + size_of::<Column>() * columns + sets) as u64
+        (size_of::<Column>() * words + sets) as u64
     }
 }
 
