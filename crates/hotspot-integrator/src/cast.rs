@@ -10,13 +10,15 @@ use crate::sampler::Sampler;
 use crate::scene::RenderScene;
 use hotspot_bvh::simd::Simd;
 use hotspot_bvh::{Hit, NoFilter, NoProbe, Ray, RayProbe};
+use hotspot_probe::NONE;
 
-/// The nearest hit. `bounce`: scattering events before the ray.
+/// The nearest hit. `bounce`: scattering events before the ray; `from`: the triangle that it leaves, `NONE` for none.
 #[inline(always)]
 pub(crate) fn closest_hit<S: Simd, R: RayProbe, C: Class>(
     simd: S,
     scene: &RenderScene,
     ray: &Ray,
+    from: u32,
     sampler: &Sampler<'_>,
     bounce: u32,
     probe: R,
@@ -29,7 +31,7 @@ pub(crate) fn closest_hit<S: Simd, R: RayProbe, C: Class>(
     } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
         scene.bvh.closest_hit_filtered(simd, ray, NoFilter, probe)
     } else {
-        scene.bvh.closest_hit_flat(simd, ray, probe)
+        scene.bvh.closest_hit_flat(simd, ray, [from], probe)
     }
 }
 
@@ -48,7 +50,7 @@ pub(crate) fn closest_hits<'a, S: Simd, C: Class>(
     let instances = has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0;
     if cutouts || instances || !kernel.packets {
         for (place, (ray, hit)) in rays.iter().zip(hits).enumerate() {
-            *hit = closest_hit::<S, _, C>(simd, scene, ray, &sampler(place), 0, NoProbe);
+            *hit = closest_hit::<S, _, C>(simd, scene, ray, NONE, &sampler(place), 0, NoProbe);
         }
         return;
     }
@@ -59,12 +61,14 @@ pub(crate) fn closest_hits<'a, S: Simd, C: Class>(
     scene.bvh.closest_hits_flat(simd, rays, hits);
 }
 
-/// Whether a shadow ray is blocked.
+/// Whether a shadow ray is blocked. `ends`: the triangles that it leaves and that it is aimed at, `NONE` for none; it is kept
+/// off their planes.
 #[inline(always)]
 pub(crate) fn occluded<S: Simd, R: RayProbe, C: Class>(
     simd: S,
     scene: &RenderScene,
     ray: &Ray,
+    ends: [u32; 2],
     sampler: &Sampler<'_>,
     bounce: u32,
     probe: R,
@@ -77,6 +81,6 @@ pub(crate) fn occluded<S: Simd, R: RayProbe, C: Class>(
     } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
         scene.bvh.occluded_filtered(simd, ray, NoFilter, probe)
     } else {
-        scene.bvh.occluded_flat(simd, ray, probe)
+        scene.bvh.occluded_flat(simd, ray, ends, probe)
     }
 }

@@ -98,6 +98,8 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
     let learned = if C::LEARNED { settings.learned } else { None };
     let mut first_object = NONE;
     let mut bounces = 0u32;
+    // The triangle that the ray leaves.
+    let mut from = NONE;
     // Of the glass that the path is in.
     let mut absorption = Vec3::ZERO;
     let end = |radiance, cause, throughput: Vec3, first_object| PathResult {
@@ -111,7 +113,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
         let hit = if KNOWN && bounces == 0 {
             first
         } else {
-            closest_hit::<S, _, C>(simd, scene, &ray, sampler, bounces, probe.ray(spawner))
+            closest_hit::<S, _, C>(simd, scene, &ray, from, sampler, bounces, probe.ray(spawner))
         };
         let Some(hit) = hit else {
             if let Some((environment, mut pdf)) = scene.lights.escaped::<P, C>(-wo, scattered.cos, probe) {
@@ -189,7 +191,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
         let part_choice = if mixed { sampler.get(Dimensions::choices(bounces))[2] } else { 0.0 };
         let resolved = resolve::<P, C>(scene, &material.bsdf, &attributes, front, part_choice, probe);
         let point = scene.geometry.point(surface, hit.u, hit.v);
-        let from = learned.map_or(Viewpoint::NONE, |learned| learned.viewpoint(point.p, frame.n));
+        let viewpoint = learned.map_or(Viewpoint::NONE, |learned| learned.viewpoint(point.p, frame.n));
 
         if !resolved.is_specular() {
             let direct = direct_light::<S, P, C>(
@@ -198,8 +200,9 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
                 settings,
                 &Vertex {
                     part,
+                    primitive: hit.primitive,
                     point: &point,
-                    from: &from,
+                    from: &viewpoint,
                     geometric,
                     frame: &frame,
                     local_wo,
@@ -251,7 +254,8 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
         }
         ray = Ray::new(point.leave(side).to_array(), wi.to_array());
         wo = -wi;
-        scattered = Scattered { pdf: sample.pdf, cos: sample.wi.z, from };
+        scattered = Scattered { pdf: sample.pdf, cos: sample.wi.z, from: viewpoint };
+        from = hit.primitive;
         bounces += 1;
         spawner = Spawner {
             object: part.object,
@@ -274,6 +278,7 @@ fn tell<P: Probe>(probe: &mut P, found: Vec3, left: u32) {
 /// A surface vertex, as light sampling sees it.
 struct Vertex<'a> {
     part: &'a Part,
+    primitive: u32,
     point: &'a SurfacePoint,
     from: &'a Viewpoint,
     geometric: Vec3,
@@ -342,9 +347,9 @@ fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
     }
     let side = if light.wi.dot(vertex.geometric) < 0.0 { -vertex.geometric } else { vertex.geometric };
     let origin = vertex.point.leave(side);
-    let (emission, ray, aim) = match light.target {
+    let (emission, ray, aim, target) = match light.target {
         LightTarget::Environment(radiance) => {
-            (radiance, Ray::new(origin.to_array(), light.wi.to_array()), NONE)
+            (radiance, Ray::new(origin.to_array(), light.wi.to_array()), NONE, NONE)
         }
         LightTarget::Surface { primitive, point, uv, cos, normal } => {
             let part = scene.geometry.part(primitive);
@@ -371,18 +376,18 @@ fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
             let target = point.meet(if cos < 0.0 { -normal } else { normal }, origin);
             let mut ray = Ray::new(origin.to_array(), (target - origin).to_array());
             ray.t_max = 1.0;
-            (emission, ray, part.object)
+            (emission, ray, part.object, primitive)
         }
         // BSDF sampling never finds these: it has no share.
         _ if !ANY || !has::<C>(Feature::PunctualLights) => return Vec3::ZERO,
         LightTarget::Position { irradiance, position } => {
             let Some(ray) = ray_to_position(origin, position) else { return Vec3::ZERO };
             bsdf_pdf = 0.0;
-            (irradiance, ray, NONE)
+            (irradiance, ray, NONE, NONE)
         }
         LightTarget::Direction(irradiance) => {
             bsdf_pdf = 0.0;
-            (irradiance, Ray::new(origin.to_array(), light.wi.to_array()), NONE)
+            (irradiance, Ray::new(origin.to_array(), light.wi.to_array()), NONE, NONE)
         }
     };
     if emission == Vec3::ZERO {
@@ -399,7 +404,8 @@ fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
         probe.untraced(spawner);
         return Vec3::ZERO;
     }
-    if occluded::<S, _, C>(simd, scene, &ray, vertex.sampler, vertex.bounce, probe.ray(spawner)) {
+    let ends = [vertex.primitive, target];
+    if occluded::<S, _, C>(simd, scene, &ray, ends, vertex.sampler, vertex.bounce, probe.ray(spawner)) {
         return Vec3::ZERO;
     }
     let mut arriving = emission;
