@@ -23,6 +23,7 @@
 #![deny(unsafe_code)]
 
 mod binary;
+mod blockers;
 mod build;
 mod collapse;
 mod filter;
@@ -46,6 +47,7 @@ mod tasks;
 mod traverse;
 mod triangle;
 
+pub use blockers::Blockers;
 pub use build::{BuildOptions, Quality};
 pub use filter::{Candidate, Filter, NoFilter};
 pub use hotspot_probe::{NoProbe, RayProbe};
@@ -205,7 +207,7 @@ impl Bvh {
         if self.instances.is_empty() {
             self.closest_hit_flat(simd, ray, [], probe)
         } else {
-            self.closest_hit_filtered(simd, ray, NoFilter, probe)
+            self.closest_hit_filtered(simd, ray, [], NoFilter, probe)
         }
     }
 
@@ -215,7 +217,7 @@ impl Bvh {
         if self.instances.is_empty() {
             self.occluded_flat(simd, ray, [], probe)
         } else {
-            self.occluded_filtered(simd, ray, NoFilter, probe)
+            self.occluded_filtered(simd, ray, [], NoFilter, probe)
         }
     }
 
@@ -271,33 +273,74 @@ impl Bvh {
         )
     }
 
-    /// The nearest hit that `filter` accepts. Not inlined, so that a loop that seldom needs it stays small.
-    #[inline(never)]
-    pub fn closest_hit_filtered<S: Simd, P: RayProbe, F: Filter>(
+    /// [`Bvh::occluded_flat`], asking first the triangles that blocked other rays lately. Visits cannot be counted: there may
+    /// be none.
+    ///
+    /// # Panics
+    /// May panic where the tree has instances.
+    #[inline(always)]
+    pub fn occluded_as_lately<S: Simd, const N: usize>(
         &self,
         simd: S,
         ray: &Ray,
+        except: [u32; N],
+        lately: &mut Blockers,
+    ) -> bool {
+        simd.vectorize(
+            #[inline(always)]
+            || blockers::any(simd, self, ray, except, NoFilter, lately),
+        )
+    }
+
+    /// The same with a filter.
+    ///
+    /// # Panics
+    /// May panic where the tree has instances.
+    #[inline(never)]
+    pub fn occluded_as_lately_filtered<S: Simd, F: Filter, const N: usize>(
+        &self,
+        simd: S,
+        ray: &Ray,
+        except: [u32; N],
+        filter: F,
+        lately: &mut Blockers,
+    ) -> bool {
+        simd.vectorize(
+            #[inline(always)]
+            || blockers::any(simd, self, ray, except, filter, lately),
+        )
+    }
+
+    /// The nearest hit that `filter` accepts; `except` as in [`Bvh::closest_hit_flat`], triangles of the world. Not inlined, so that
+    /// a loop that seldom needs it stays small.
+    #[inline(never)]
+    pub fn closest_hit_filtered<S: Simd, P: RayProbe, F: Filter, const N: usize>(
+        &self,
+        simd: S,
+        ray: &Ray,
+        except: [u32; N],
         filter: F,
         probe: P,
     ) -> Option<Hit> {
         simd.vectorize(
             #[inline(always)]
-            || traverse::closest::<S, P, F, true, 0>(simd, self, ray, [], filter, probe),
+            || traverse::closest::<S, P, F, true, N>(simd, self, ray, except, filter, probe),
         )
     }
 
-    /// Whether there is a hit that `filter` accepts.
+    /// Whether there is a hit that `filter` accepts; `except` as in [`Bvh::closest_hit_flat`], triangles of the world.
     #[inline(never)]
-    pub fn occluded_filtered<S: Simd, P: RayProbe, F: Filter>(
+    pub fn occluded_filtered<S: Simd, P: RayProbe, F: Filter, const N: usize>(
         &self,
         simd: S,
         ray: &Ray,
+        except: [u32; N],
         filter: F,
         probe: P,
     ) -> bool {
         simd.vectorize(
             #[inline(always)]
-            || traverse::any::<S, P, F, true, 0>(simd, self, ray, [], filter, probe),
+            || traverse::any::<S, P, F, true, N>(simd, self, ray, except, filter, probe),
         )
     }
 

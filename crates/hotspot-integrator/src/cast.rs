@@ -9,10 +9,11 @@ use crate::kernel::Kernel;
 use crate::sampler::Sampler;
 use crate::scene::RenderScene;
 use hotspot_bvh::simd::Simd;
-use hotspot_bvh::{Hit, NoFilter, NoProbe, Ray, RayProbe};
+use hotspot_bvh::{Blockers, Hit, NoFilter, NoProbe, Ray, RayProbe};
 use hotspot_probe::NONE;
 
-/// The nearest hit. `bounce`: scattering events before the ray; `from`: the triangle that it leaves, `NONE` for none.
+/// The nearest hit. `bounce`: scattering events before the ray; `from`: the triangle of the world that it leaves,
+/// `NONE` for none.
 #[inline(always)]
 pub(crate) fn closest_hit<S: Simd, R: RayProbe, C: Class>(
     simd: S,
@@ -27,9 +28,9 @@ pub(crate) fn closest_hit<S: Simd, R: RayProbe, C: Class>(
     crate::kernel::ray_counts::record(ray, sampler.ray_key(2 * bounce), false);
     if has::<C>(Feature::Cutouts) && scene.cutouts.any() {
         let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce) };
-        scene.bvh.closest_hit_filtered(simd, ray, filter, probe)
+        scene.bvh.closest_hit_filtered(simd, ray, [from], filter, probe)
     } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
-        scene.bvh.closest_hit_filtered(simd, ray, NoFilter, probe)
+        scene.bvh.closest_hit_filtered(simd, ray, [from], NoFilter, probe)
     } else {
         scene.bvh.closest_hit_flat(simd, ray, [from], probe)
     }
@@ -61,8 +62,32 @@ pub(crate) fn closest_hits<'a, S: Simd, C: Class>(
     scene.bvh.closest_hits_flat(simd, rays, hits);
 }
 
-/// Whether a shadow ray is blocked. `ends`: the triangles that it leaves and that it is aimed at, `NONE` for none; it is kept
-/// off their planes.
+/// Whether a shadow ray is blocked, of which no visits are counted: triangles that blocked others lately are asked first, unless
+/// there are instances.
+#[inline(always)]
+pub(crate) fn occluded_as_lately<S: Simd, C: Class>(
+    simd: S,
+    scene: &RenderScene,
+    ray: &Ray,
+    ends: [u32; 2],
+    sampler: &Sampler<'_>,
+    bounce: u32,
+    lately: &mut Blockers,
+) -> bool {
+    if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
+        return occluded::<S, _, C>(simd, scene, ray, ends, sampler, bounce, NoProbe);
+    }
+    #[cfg(test)]
+    crate::kernel::ray_counts::record(ray, sampler.ray_key(2 * bounce + 1), true);
+    if has::<C>(Feature::Cutouts) && scene.cutouts.any() {
+        let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce + 1) };
+        return scene.bvh.occluded_as_lately_filtered(simd, ray, ends, filter, lately);
+    }
+    scene.bvh.occluded_as_lately(simd, ray, ends, lately)
+}
+
+/// Whether a shadow ray is blocked. `ends`: the triangles of the world that it leaves and that it is aimed at, `NONE` for none;
+/// it is kept off their planes.
 #[inline(always)]
 pub(crate) fn occluded<S: Simd, R: RayProbe, C: Class>(
     simd: S,
@@ -77,9 +102,9 @@ pub(crate) fn occluded<S: Simd, R: RayProbe, C: Class>(
     crate::kernel::ray_counts::record(ray, sampler.ray_key(2 * bounce + 1), true);
     if has::<C>(Feature::Cutouts) && scene.cutouts.any() {
         let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce + 1) };
-        scene.bvh.occluded_filtered(simd, ray, filter, probe)
+        scene.bvh.occluded_filtered(simd, ray, ends, filter, probe)
     } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
-        scene.bvh.occluded_filtered(simd, ray, NoFilter, probe)
+        scene.bvh.occluded_filtered(simd, ray, ends, NoFilter, probe)
     } else {
         scene.bvh.occluded_flat(simd, ray, ends, probe)
     }

@@ -6,7 +6,7 @@
 //! section 14.5.4). Shading happens in the shading frame, turned to the side of the path; emitters use geometric normals.
 
 use crate::bsdf::Bsdf;
-use crate::cast::{closest_hit, occluded};
+use crate::cast::{closest_hit, occluded, occluded_as_lately};
 use crate::class::{Class, Feature, has};
 use crate::cutout::presence;
 use crate::geometry::{Attributes, Part, SurfacePoint};
@@ -18,7 +18,7 @@ use crate::surface::{bumped, resolve};
 use crate::texture::color;
 use glam::{Vec2, Vec3};
 use hotspot_bvh::simd::Simd;
-use hotspot_bvh::{Hit, Ray};
+use hotspot_bvh::{Blockers, Hit, NO_INSTANCE, Ray};
 use hotspot_cost::Cause;
 use hotspot_probe::{NONE, Probe, RayKind, Spawner};
 
@@ -79,7 +79,8 @@ impl Start {
     }
 }
 
-/// Traces one path. `KNOWN`: what the camera ray hits was found before, in a packet.
+/// Traces one path. `KNOWN`: what the camera ray hits was found before, in a packet. `lately`: what blocked shadow rays before,
+/// for paths that are not counted.
 #[inline(always)]
 pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
     simd: S,
@@ -87,6 +88,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
     settings: &PathSettings<'_>,
     Start { mut ray, hit: first, mut light }: Start,
     sampler: &Sampler<'_>,
+    mut lately: Option<&mut Blockers>,
     probe: &mut P,
 ) -> PathResult {
     let mut wo = -Vec3::from_array(ray.direction);
@@ -98,7 +100,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
     let learned = if C::LEARNED { settings.learned } else { None };
     let mut first_object = NONE;
     let mut bounces = 0u32;
-    // The triangle that the ray leaves.
+    // The triangle of the world that the ray leaves.
     let mut from = NONE;
     // Of the glass that the path is in.
     let mut absorption = Vec3::ZERO;
@@ -191,6 +193,8 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
         let part_choice = if mixed { sampler.get(Dimensions::choices(bounces))[2] } else { 0.0 };
         let resolved = resolve::<P, C>(scene, &material.bsdf, &attributes, front, part_choice, probe);
         let point = scene.geometry.point(surface, hit.u, hit.v);
+        let in_world = !has::<C>(Feature::Instances) || hit.instance == NO_INSTANCE;
+        let leaves = if in_world { hit.primitive } else { NONE };
         let viewpoint = learned.map_or(Viewpoint::NONE, |learned| learned.viewpoint(point.p, frame.n));
 
         if !resolved.is_specular() {
@@ -200,7 +204,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
                 settings,
                 &Vertex {
                     part,
-                    primitive: hit.primitive,
+                    primitive: leaves,
                     point: &point,
                     from: &viewpoint,
                     geometric,
@@ -212,6 +216,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
                     bsdf: &resolved,
                     u: light,
                 },
+                lately.as_deref_mut(),
                 probe,
             );
             let found = throughput * direct;
@@ -255,7 +260,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
         ray = Ray::new(point.leave(side).to_array(), wi.to_array());
         wo = -wi;
         scattered = Scattered { pdf: sample.pdf, cos: sample.wi.z, from: viewpoint };
-        from = hit.primitive;
+        from = leaves;
         bounces += 1;
         spawner = Spawner {
             object: part.object,
@@ -278,6 +283,7 @@ fn tell<P: Probe>(probe: &mut P, found: Vec3, left: u32) {
 /// A surface vertex, as light sampling sees it.
 struct Vertex<'a> {
     part: &'a Part,
+    /// Its triangle, if of the world.
     primitive: u32,
     point: &'a SurfacePoint,
     from: &'a Viewpoint,
@@ -301,12 +307,13 @@ fn direct_light<S: Simd, P: Probe, C: Class>(
     scene: &RenderScene,
     settings: &PathSettings<'_>,
     vertex: &Vertex<'_>,
+    lately: Option<&mut Blockers>,
     probe: &mut P,
 ) -> Vec3 {
     if scene.lights.has_maps_or_points::<C>() {
-        sample_any_light::<S, P, C>(simd, scene, settings, vertex, probe)
+        sample_any_light::<S, P, C>(simd, scene, settings, vertex, lately, probe)
     } else {
-        sample_light::<S, P, C, false>(simd, scene, settings, vertex, probe)
+        sample_light::<S, P, C, false>(simd, scene, settings, vertex, lately, probe)
     }
 }
 
@@ -316,11 +323,12 @@ fn sample_any_light<S: Simd, P: Probe, C: Class>(
     scene: &RenderScene,
     settings: &PathSettings<'_>,
     vertex: &Vertex<'_>,
+    lately: Option<&mut Blockers>,
     probe: &mut P,
 ) -> Vec3 {
     simd.vectorize(
         #[inline(always)]
-        || sample_light::<S, P, C, true>(simd, scene, settings, vertex, probe),
+        || sample_light::<S, P, C, true>(simd, scene, settings, vertex, lately, probe),
     )
 }
 
@@ -331,6 +339,7 @@ fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
     scene: &RenderScene,
     settings: &PathSettings<'_>,
     vertex: &Vertex<'_>,
+    lately: Option<&mut Blockers>,
     probe: &mut P,
 ) -> Vec3 {
     let lights = &scene.lights;
@@ -405,7 +414,14 @@ fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
         return Vec3::ZERO;
     }
     let ends = [vertex.primitive, target];
-    if occluded::<S, _, C>(simd, scene, &ray, ends, vertex.sampler, vertex.bounce, probe.ray(spawner)) {
+    let (sampler, bounce) = (vertex.sampler, vertex.bounce);
+    let blocked = match lately {
+        Some(lately) if !P::ON => {
+            occluded_as_lately::<S, C>(simd, scene, &ray, ends, sampler, bounce, lately)
+        }
+        _ => occluded::<S, _, C>(simd, scene, &ray, ends, sampler, bounce, probe.ray(spawner)),
+    };
+    if blocked {
         return Vec3::ZERO;
     }
     let mut arriving = emission;

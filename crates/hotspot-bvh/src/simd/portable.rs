@@ -86,8 +86,8 @@ impl Simd for Portable {
     #[inline(always)]
     fn equal(self, numbers: &[u32; 8], value: u32) -> u32 {
         let mut bits = 0;
-        for lane in 0..8 {
-            bits |= u32::from(numbers[lane] == value) << lane;
+        for (lane, &number) in numbers.iter().enumerate() {
+            bits |= u32::from(number == value) << lane;
         }
         bits
     }

@@ -238,6 +238,7 @@ impl WithSimd for BakeRow<'_> {
                             &kernel.path,
                             Start::new(ray, light),
                             &sampler,
+                            None,
                             &mut probe,
                         );
                         probe.book();

@@ -182,6 +182,7 @@ fn check(name: &str, scene: &Scene, instancing: Instancing) -> Held {
         clock: false,
         payers: None,
         packets: true,
+        blockers: true,
     };
     let mut held = Held::default();
     for (x, y) in frame.pixels() {

@@ -19,8 +19,8 @@ use crate::sampler::{Dimensions, PixelSampler, SamplerKind};
 use crate::scene::RenderScene;
 use crate::surface::resolve;
 use glam::{Vec2, Vec3};
-use hotspot_bvh::Ray;
 use hotspot_bvh::simd::{Simd, WithSimd, dispatch};
+use hotspot_bvh::{NO_INSTANCE, Ray};
 use hotspot_probe::{NONE, NoProbe};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -208,6 +208,7 @@ impl Walks<'_> {
                 }
                 return;
             };
+            let leaves = if hit.instance == NO_INSTANCE { hit.primitive } else { NONE };
             let surface = scene.geometry.surface(hit.instance, hit.primitive);
             let material = &scene.materials[surface.part.material as usize];
             let wo = -direction;
@@ -243,7 +244,7 @@ impl Walks<'_> {
                     let view = known.find(point.p, frame.n);
                     let (there, density) = known.sample(view, &frame, to_light.into());
                     let cosine = FRAC_1_PI * there.dot(frame.n);
-                    let ends = [hit.primitive, NONE];
+                    let ends = [leaves, NONE];
                     let ray = leave(there);
                     if cosine > 0.0
                         && !occluded::<S, _, FullClass>(simd, scene, &ray, ends, sampler, bounce, NoProbe)
@@ -256,7 +257,7 @@ impl Walks<'_> {
             }
             to_light = next_to_light;
             ray = leave(direction);
-            from = hit.primitive;
+            from = leaves;
         }
     }
 }
