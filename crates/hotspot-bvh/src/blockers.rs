@@ -22,26 +22,18 @@ const MOST: u8 = 15;
 /// Triangles of one tree that blocked shadow rays lately, of one thread. Those of another tree would be as wrong as its triangles.
 #[derive(Clone, Debug)]
 pub struct Blockers {
-    /// By the signs of the ray's direction: the walls that way.
-    octants: [Recent; 8],
-    /// Goes up with each ray that is blocked, down with each that is not.
-    score: u8,
-}
-
-/// Eight triangles.
-#[derive(Clone, Debug)]
-struct Recent {
     block: Block,
     /// Lanes that blocked a ray since their turn to be replaced came last, as bits.
     again: u8,
     /// The lane whose turn it is.
     turn: u8,
+    /// Goes up with each ray that is blocked, down with each that is not.
+    score: u8,
 }
 
 impl Default for Blockers {
     fn default() -> Self {
-        let nothing = || Recent { block: Block::new(core::iter::empty()), again: 0, turn: 0 };
-        Self { octants: core::array::from_fn(|_| nothing()), score: 0 }
+        Self { block: Block::new(core::iter::empty()), again: 0, turn: 0, score: 0 }
     }
 }
 
@@ -50,9 +42,7 @@ impl Blockers {
     fn learn(&mut self, blocked: bool) {
         self.score = if blocked { (self.score + 1).min(MOST) } else { self.score.saturating_sub(1) };
     }
-}
 
-impl Recent {
     /// A second chance for those that blocked again: the clock algorithm of page replacement.
     #[inline(never)]
     fn add(&mut self, block: &Block, lane: usize) {
@@ -80,18 +70,16 @@ pub(crate) fn any<S: Simd, F: Filter, const N: usize>(
         return false;
     }
     let place = Place { bvh, root: bvh.root, frame: &frame, instance: NO_INSTANCE, except };
-    let [x, y, z] = frame.down.map(usize::from);
-    let recent = &mut lately.octants[(x | y << 1 | z << 2) & 7];
     if lately.score >= ASKED
-        && let Some(lane) = blocker(s, &place, &mut filter, &recent.block)
+        && let Some(lane) = blocker(s, &place, &mut filter, &lately.block)
     {
-        recent.again |= 1 << lane;
+        lately.again |= 1 << lane;
         lately.learn(true);
         return true;
     }
     let found = blocked::<S, NoProbe, F, false, N>(s, place, &mut filter, &mut NoProbe);
     if let Some((block, lane)) = found {
-        recent.add(&bvh.blocks[block], lane);
+        lately.add(&bvh.blocks[block], lane);
     }
     lately.learn(found.is_some());
     found.is_some()
@@ -174,7 +162,7 @@ mod tests {
     #[test]
     fn what_blocks_again_stays() {
         let block = |first: u32| Block::new((0..8).map(|i| (first + i, [[0.0; 3], [1.0; 3], [2.0; 3]])));
-        let [mut lately, ..] = Blockers::default().octants;
+        let mut lately = Blockers::default();
         for lane in 0..8 {
             lately.add(&block(0), lane);
         }
