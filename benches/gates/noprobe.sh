@@ -54,8 +54,6 @@ sed -i -E -e 's/traverse::(closest|any)::<S, P, /traverse::\1::<S, /; s/(travers
     "$target/without/crates/hotspot-bvh/src/lib.rs"
 sed -i -E -e 's/closest::<S, NoProbe, /closest::<S, /; s/NoFilter, NoProbe\)/NoFilter)/; /^use hotspot_probe::NoProbe;$/d' \
     "$target/without/crates/hotspot-bvh/src/packet.rs"
-sed -i -E -e 's/blocked::<S, NoProbe, /blocked::<S, /; s/\(s, place, &mut filter, &mut NoProbe\)/(s, place, \&mut filter)/' \
-    "$target/without/crates/hotspot-bvh/src/blockers.rs"
 if grep -nE '(^|[^_])probe[.,:)]|\bP\b' "$traverse"; then
     echo "the probe is still in the twin: teach $0 the lines above" >&2
     exit 2

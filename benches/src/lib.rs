@@ -56,12 +56,12 @@ pub struct Variant {
     pub cost_spp: Option<u32>,
     /// Book the counts by what sent and by what was met.
     pub ledgers: bool,
-    /// Rays that are not counted take shortcuts ([`Settings::shortcuts`]).
-    pub shortcuts: bool,
+    /// Camera rays that are not counted go in packets.
+    pub packets: bool,
 }
 
 const fn variant(name: &'static str, gather: Gather) -> Variant {
-    Variant { name, gather, intervals: false, cost_spp: None, ledgers: false, shortcuts: true }
+    Variant { name, gather, intervals: false, cost_spp: None, ledgers: false, packets: true }
 }
 
 /// Counting without the clock: the kernel behind `rays`, `intersection`, `shading` and `cause`, which differ only in what
@@ -70,15 +70,15 @@ const COUNTERS: Gather = Gather { time: false, ..Gather::ALL };
 const CLOCK: Gather = Gather { cost: false, ..Gather::ALL };
 
 /// A render that counts nothing: what uncounted samples cost.
-pub const PLAIN: Variant = variant("none, with shortcuts", Gather::RADIANCE);
+pub const PLAIN: Variant = variant("none: camera rays in packets", Gather::RADIANCE);
 
 /// A render that counts, without the clock and without ledgers.
 pub const COUNTING: Variant = variant("rays, intersection, shading, cause", COUNTERS);
 
-/// The metric groups, from none to everything. The first is the baseline: the very loop that the others run, which takes no shortcuts
-/// with rays since each has counts of its own.
+/// The metric groups, from none to everything. The first is the baseline: the very loop that the others run, which traces camera
+/// rays one at a time since each has counts of its own.
 pub const VARIANTS: [Variant; 8] = [
-    Variant { shortcuts: false, ..variant("none, without shortcuts", Gather::RADIANCE) },
+    Variant { packets: false, ..variant("none, camera rays one at a time", Gather::RADIANCE) },
     PLAIN,
     variant("time", CLOCK),
     COUNTING,
@@ -109,6 +109,6 @@ pub fn run(subject: &Subject, size: u32, spp: u32, variant: &Variant) -> Rendere
     settings.intervals = variant.intervals;
     settings.cost_spp = variant.cost_spp;
     settings.ledgers = variant.ledgers;
-    settings.shortcuts = variant.shortcuts;
+    settings.packets = variant.packets;
     render(&subject.scene, &subject.camera, &settings, Control::default())
 }

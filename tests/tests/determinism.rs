@@ -249,17 +249,16 @@ fn instrumentation_does_not_show() {
     }
 }
 
-/// Camera rays that are not counted go in packets, of sixteen samples and of what is left: in waves of 19 all in one wave. Shadow
-/// rays ask first what blocked others lately.
+/// Camera rays that are not counted go in packets, of sixteen samples and of what is left: in waves of 19 all in one wave.
 #[test]
-fn shortcuts_do_not_show() {
+fn packets_do_not_show() {
     for (name, scene, camera) in scenes() {
         for isa in [Isa::Auto, Isa::Portable] {
             let scene = prepared(&scene, isa);
-            let with = |shortcuts: bool| {
+            let with = |packets: bool| {
                 let mut settings = settings(40, 27, 19, 4, 3);
                 (settings.gather, settings.first_wave) = (Gather::RADIANCE, Some(19));
-                settings.shortcuts = shortcuts;
+                settings.packets = packets;
                 frame(&scene, &camera, &settings).frame
             };
             assert_same(&with(true), &with(false), &format!("{name}, {}", isa.name()));

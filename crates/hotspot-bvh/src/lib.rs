@@ -23,7 +23,6 @@
 #![deny(unsafe_code)]
 
 mod binary;
-mod blockers;
 mod build;
 mod collapse;
 mod filter;
@@ -47,7 +46,6 @@ mod tasks;
 mod traverse;
 mod triangle;
 
-pub use blockers::Blockers;
 pub use build::{BuildOptions, Quality};
 pub use filter::{Candidate, Filter, NoFilter};
 pub use hotspot_probe::{NoProbe, RayProbe};
@@ -270,44 +268,6 @@ impl Bvh {
         simd.vectorize(
             #[inline(always)]
             || traverse::any::<S, P, NoFilter, false, N>(simd, self, ray, except, NoFilter, probe),
-        )
-    }
-
-    /// [`Bvh::occluded_flat`], asking first the triangles that blocked other rays lately. Visits cannot be counted: there may
-    /// be none.
-    ///
-    /// # Panics
-    /// May panic where the tree has instances.
-    #[inline(always)]
-    pub fn occluded_as_lately<S: Simd, const N: usize>(
-        &self,
-        simd: S,
-        ray: &Ray,
-        except: [u32; N],
-        lately: &mut Blockers,
-    ) -> bool {
-        simd.vectorize(
-            #[inline(always)]
-            || blockers::any(simd, self, ray, except, NoFilter, lately),
-        )
-    }
-
-    /// The same with a filter.
-    ///
-    /// # Panics
-    /// May panic where the tree has instances.
-    #[inline(never)]
-    pub fn occluded_as_lately_filtered<S: Simd, F: Filter, const N: usize>(
-        &self,
-        simd: S,
-        ray: &Ray,
-        except: [u32; N],
-        filter: F,
-        lately: &mut Blockers,
-    ) -> bool {
-        simd.vectorize(
-            #[inline(always)]
-            || blockers::any(simd, self, ray, except, filter, lately),
         )
     }
 

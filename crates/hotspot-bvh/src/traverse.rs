@@ -96,8 +96,8 @@ impl<S: Simd> SlabTest<S> {
 
 /// Triangles of a block that pass rule 2 by `t_max`, and may pass rule 1 ([`Block::candidates`]); both rules are those of
 /// `triangle.rs`.
-pub(crate) struct Candidates {
-    pub(crate) lanes: u32,
+struct Candidates {
+    lanes: u32,
     /// Those that surely pass rule 1.
     inside: u32,
     enter: F8,
@@ -108,7 +108,7 @@ impl<S: Simd> SlabTest<S> {
     /// As [`slab_interval`](crate::triangle::slab_interval) for each lane; only where rule 1 leaves any. Without those triangles
     /// of which is known that they are not hit.
     #[inline(always)]
-    pub(crate) fn candidates<const N: usize>(
+    fn candidates<const N: usize>(
         &self,
         s: S,
         block: &Block,
@@ -144,12 +144,7 @@ impl<S: Simd> SlabTest<S> {
 impl Candidates {
     /// The next lane, and where its triangle is hit by `t_max`.
     #[inline(always)]
-    pub(crate) fn next(
-        &mut self,
-        block: &Block,
-        frame: &RayFrame,
-        t_max: f32,
-    ) -> (usize, [[f32; 3]; 3], Option<f32>) {
+    fn next(&mut self, block: &Block, frame: &RayFrame, t_max: f32) -> (usize, [[f32; 3]; 3], Option<f32>) {
         let lane = self.lanes.trailing_zeros() as usize & 7;
         self.lanes &= self.lanes - 1;
         let triangle = block.triangle(lane);
@@ -239,13 +234,13 @@ pub(crate) fn closest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, co
 
 /// A tree, and the ray in its space.
 #[derive(Clone, Copy)]
-pub(crate) struct Place<'a, const N: usize> {
-    pub(crate) bvh: &'a Bvh,
-    pub(crate) root: Child,
-    pub(crate) frame: &'a RayFrame,
-    pub(crate) instance: u32,
+struct Place<'a, const N: usize> {
+    bvh: &'a Bvh,
+    root: Child,
+    frame: &'a RayFrame,
+    instance: u32,
     /// Triangles that are not hit.
-    pub(crate) except: [u32; N],
+    except: [u32; N],
 }
 
 #[inline(always)]
@@ -426,19 +421,18 @@ pub(crate) fn any<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const 
         return false;
     }
     let place = Place { bvh, root: bvh.root, frame: &frame, instance: NO_INSTANCE, except };
-    let hit = blocked::<S, P, F, INSTANCED, N>(s, place, &mut filter, &mut probe).is_some();
+    let hit = blocked::<S, P, F, INSTANCED, N>(s, place, &mut filter, &mut probe);
     probe.finish(hit);
     hit
 }
 
-/// The first triangle found that blocks the ray: index of a block, and a lane.
 #[inline(always)]
-pub(crate) fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usize>(
+fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usize>(
     s: S,
     place: Place<'_, N>,
     filter: &mut F,
     probe: &mut P,
-) -> Option<(usize, usize)> {
+) -> bool {
     let Place { bvh, root, frame, instance, .. } = place;
     let t_max = frame.ray.t_max;
     let slabs = SlabTest::new(s, frame);
@@ -446,9 +440,8 @@ pub(crate) fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, co
     let mut current = root;
     loop {
         if INSTANCED && current.is_leaf() && current.is_instance() {
-            let found = blocked_by_instance(s, place, current.index(), filter, probe);
-            if found.is_some() {
-                return found;
+            if blocked_by_instance(s, place, current.index(), filter, probe) {
+                return true;
             }
         } else if current.is_leaf() {
             let index = current.index();
@@ -464,7 +457,7 @@ pub(crate) fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, co
                 if hit.is_some_and(|t| t < t_max) {
                     let primitive = block.primitives[lane];
                     if counts(filter, instance, primitive, frame, &triangle, probe) {
-                        return Some((index, lane));
+                        return true;
                     }
                 }
             }
@@ -488,7 +481,7 @@ pub(crate) fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, co
         }
         match stack.pop() {
             Some(child) => current = child,
-            None => return None,
+            None => return false,
         }
     }
 }
@@ -501,14 +494,16 @@ fn blocked_by_instance<S: Simd, P: RayProbe, F: Filter, const N: usize>(
     index: usize,
     filter: &mut F,
     probe: &mut P,
-) -> Option<(usize, usize)> {
+) -> bool {
     s.vectorize(
         #[inline(always)]
         || {
             let placed = &place.bvh.instances[index];
             let t_max = place.frame.ray.t_max;
             // A hit may be clamped to where the box begins, never before; one at t_max does not count.
-            let interval = placed.interval(place.frame, t_max).filter(|(near, _)| *near < t_max)?;
+            let Some(interval) = placed.interval(place.frame, t_max).filter(|(near, _)| *near < t_max) else {
+                return false;
+            };
             // Where the box ends before t_max, every hit in it does too.
             let limit = if interval.1 < t_max { f32::INFINITY } else { t_max };
             let ray = placed.object_ray(&place.frame.ray, interval, limit);
@@ -516,7 +511,7 @@ fn blocked_by_instance<S: Simd, P: RayProbe, F: Filter, const N: usize>(
                 probe.instance(index as u32);
             }
             if !ray.is_finite() {
-                return None;
+                return false;
             }
             let frame = RayFrame::new(&ray);
             let inside = Place {

@@ -136,14 +136,6 @@ impl Block {
         block
     }
 
-    /// Puts a triangle of another block into a lane.
-    pub(crate) fn set(&mut self, lane: usize, from: &Self, there: usize) {
-        for (to, from) in self.vertices.iter_mut().flatten().zip(from.vertices.iter().flatten()) {
-            to.0[lane] = from.0[there];
-        }
-        self.primitives[lane] = from.primitives[there];
-    }
-
     /// Triangles held. Told by the vertices, NaN in unused lanes, as [`Node::count`](crate::node::Node::count) is by boxes.
     #[inline(always)]
     pub(crate) fn count<S: Simd>(&self, s: S) -> u32 {

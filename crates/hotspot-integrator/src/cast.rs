@@ -9,7 +9,7 @@ use crate::kernel::Kernel;
 use crate::sampler::Sampler;
 use crate::scene::RenderScene;
 use hotspot_bvh::simd::Simd;
-use hotspot_bvh::{Blockers, Hit, NoFilter, NoProbe, Ray, RayProbe};
+use hotspot_bvh::{Hit, NoFilter, NoProbe, Ray, RayProbe};
 use hotspot_probe::NONE;
 
 /// The nearest hit. `bounce`: scattering events before the ray; `from`: the triangle of the world that it leaves,
@@ -60,30 +60,6 @@ pub(crate) fn closest_hits<'a, S: Simd, C: Class>(
         crate::kernel::ray_counts::record(ray, sampler(place).ray_key(0), false);
     }
     scene.bvh.closest_hits_flat(simd, rays, hits);
-}
-
-/// Whether a shadow ray is blocked, of which no visits are counted: triangles that blocked others lately are asked first, unless
-/// there are instances.
-#[inline(always)]
-pub(crate) fn occluded_as_lately<S: Simd, C: Class>(
-    simd: S,
-    scene: &RenderScene,
-    ray: &Ray,
-    ends: [u32; 2],
-    sampler: &Sampler<'_>,
-    bounce: u32,
-    lately: &mut Blockers,
-) -> bool {
-    if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
-        return occluded::<S, _, C>(simd, scene, ray, ends, sampler, bounce, NoProbe);
-    }
-    #[cfg(test)]
-    crate::kernel::ray_counts::record(ray, sampler.ray_key(2 * bounce + 1), true);
-    if has::<C>(Feature::Cutouts) && scene.cutouts.any() {
-        let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce + 1) };
-        return scene.bvh.occluded_as_lately_filtered(simd, ray, ends, filter, lately);
-    }
-    scene.bvh.occluded_as_lately(simd, ray, ends, lately)
 }
 
 /// Whether a shadow ray is blocked. `ends`: the triangles of the world that it leaves and that it is aimed at, `NONE` for none;

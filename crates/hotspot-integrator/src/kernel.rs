@@ -8,8 +8,8 @@ use crate::path::{PathResult, PathSettings, Start, trace};
 use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind};
 use crate::scene::RenderScene;
 use glam::Vec3;
+use hotspot_bvh::PACKET;
 use hotspot_bvh::simd::{Simd, WithSimd};
-use hotspot_bvh::{Blockers, PACKET};
 use hotspot_cost::ledger::{Ledger, Payers};
 use hotspot_cost::{PathEnd, PixelRecorder, TileRecorder};
 use hotspot_probe::{NoProbe, Probe};
@@ -71,8 +71,6 @@ pub(crate) struct Kernel<'a> {
     pub(crate) payers: Option<&'a Payers>,
     /// Whether camera rays that are not counted go in packets.
     pub(crate) packets: bool,
-    /// Whether shadow rays that are not counted ask first what blocked others lately.
-    pub(crate) blockers: bool,
 }
 
 /// A tile and the samples to take of each of its pixels.
@@ -183,7 +181,6 @@ impl TileJob<'_> {
             (range.start..bound, bound..range.end)
         };
         let mut clock = kernel.clock.then(Instant::now);
-        let mut lately = kernel.blockers.then(Blockers::default);
         for (x, y) in tile.rect().pixels() {
             let mut samples = samples.clone();
             if let Some(plan) = plan {
@@ -233,7 +230,6 @@ impl TileJob<'_> {
                             &kernel.path,
                             *start,
                             &sampler,
-                            lately.as_mut(),
                             &mut NoProbe,
                         );
                         keep(index, &result);
@@ -308,7 +304,7 @@ fn sample<S: Simd, P: Probe, C: Class>(
     probe: &mut P,
 ) -> PathResult {
     let start = start(kernel, (x, y), sampler);
-    trace::<S, P, C, false>(simd, kernel.scene, &kernel.path, start, sampler, None, probe)
+    trace::<S, P, C, false>(simd, kernel.scene, &kernel.path, start, sampler, probe)
 }
 
 /// Where the paths of a packet of samples of a pixel start, and what their camera rays hit. Not inlined: its registers are not

@@ -6,7 +6,7 @@
 //! section 14.5.4). Shading happens in the shading frame, turned to the side of the path; emitters use geometric normals.
 
 use crate::bsdf::Bsdf;
-use crate::cast::{closest_hit, occluded, occluded_as_lately};
+use crate::cast::{closest_hit, occluded};
 use crate::class::{Class, Feature, has};
 use crate::cutout::presence;
 use crate::geometry::{Attributes, Part, SurfacePoint};
@@ -18,7 +18,7 @@ use crate::surface::{bumped, resolve};
 use crate::texture::color;
 use glam::{Vec2, Vec3};
 use hotspot_bvh::simd::Simd;
-use hotspot_bvh::{Blockers, Hit, NO_INSTANCE, Ray};
+use hotspot_bvh::{Hit, NO_INSTANCE, Ray};
 use hotspot_cost::Cause;
 use hotspot_probe::{NONE, Probe, RayKind, Spawner};
 
@@ -79,8 +79,7 @@ impl Start {
     }
 }
 
-/// Traces one path. `KNOWN`: what the camera ray hits was found before, in a packet. `lately`: what blocked shadow rays before,
-/// for paths that are not counted.
+/// Traces one path. `KNOWN`: what the camera ray hits was found before, in a packet.
 #[inline(always)]
 pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
     simd: S,
@@ -88,7 +87,6 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
     settings: &PathSettings<'_>,
     Start { mut ray, hit: first, mut light }: Start,
     sampler: &Sampler<'_>,
-    mut lately: Option<&mut Blockers>,
     probe: &mut P,
 ) -> PathResult {
     let mut wo = -Vec3::from_array(ray.direction);
@@ -216,7 +214,6 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
                     bsdf: &resolved,
                     u: light,
                 },
-                lately.as_deref_mut(),
                 probe,
             );
             let found = throughput * direct;
@@ -307,13 +304,12 @@ fn direct_light<S: Simd, P: Probe, C: Class>(
     scene: &RenderScene,
     settings: &PathSettings<'_>,
     vertex: &Vertex<'_>,
-    lately: Option<&mut Blockers>,
     probe: &mut P,
 ) -> Vec3 {
     if scene.lights.has_maps_or_points::<C>() {
-        sample_any_light::<S, P, C>(simd, scene, settings, vertex, lately, probe)
+        sample_any_light::<S, P, C>(simd, scene, settings, vertex, probe)
     } else {
-        sample_light::<S, P, C, false>(simd, scene, settings, vertex, lately, probe)
+        sample_light::<S, P, C, false>(simd, scene, settings, vertex, probe)
     }
 }
 
@@ -323,12 +319,11 @@ fn sample_any_light<S: Simd, P: Probe, C: Class>(
     scene: &RenderScene,
     settings: &PathSettings<'_>,
     vertex: &Vertex<'_>,
-    lately: Option<&mut Blockers>,
     probe: &mut P,
 ) -> Vec3 {
     simd.vectorize(
         #[inline(always)]
-        || sample_light::<S, P, C, true>(simd, scene, settings, vertex, lately, probe),
+        || sample_light::<S, P, C, true>(simd, scene, settings, vertex, probe),
     )
 }
 
@@ -339,7 +334,6 @@ fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
     scene: &RenderScene,
     settings: &PathSettings<'_>,
     vertex: &Vertex<'_>,
-    lately: Option<&mut Blockers>,
     probe: &mut P,
 ) -> Vec3 {
     let lights = &scene.lights;
@@ -415,13 +409,7 @@ fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
     }
     let ends = [vertex.primitive, target];
     let (sampler, bounce) = (vertex.sampler, vertex.bounce);
-    let blocked = match lately {
-        Some(lately) if !P::ON => {
-            occluded_as_lately::<S, C>(simd, scene, &ray, ends, sampler, bounce, lately)
-        }
-        _ => occluded::<S, _, C>(simd, scene, &ray, ends, sampler, bounce, probe.ray(spawner)),
-    };
-    if blocked {
+    if occluded::<S, _, C>(simd, scene, &ray, ends, sampler, bounce, probe.ray(spawner)) {
         return Vec3::ZERO;
     }
     let mut arriving = emission;

@@ -75,10 +75,10 @@ pub struct Settings {
     /// Samples per pixel of the first wave, at least 1; the result does not depend on it, but the time that a pixel's visits
     /// take does. `None`: 4, or 1 with a time limit.
     pub first_wave: Option<u32>,
-    /// Take shortcuts with rays that are not counted, which are faster and give the same hits: packets of camera rays, where a
-    /// scene's triangles are not much smaller than pixels, and shadow rays that ask first what blocked others lately. (Rays that are
-    /// counted take none, so that each has visits of its own.) False is for comparisons.
-    pub shortcuts: bool,
+    /// Trace camera rays that are not counted in packets where a scene's triangles are not much smaller than pixels, which is
+    /// faster and gives the same hits. (Rays that are counted go one at a time, so that each has visits of its own.) False is for
+    /// comparisons.
+    pub packets: bool,
 }
 
 /// Triangles per pixel up to which packets are used: with many more, the samples of a pixel have little in common.
@@ -104,7 +104,7 @@ impl Settings {
             time_limit: None,
             aspect: None,
             first_wave: None,
-            shortcuts: true,
+            packets: true,
         }
     }
 
@@ -307,8 +307,7 @@ fn render_in_tiles(
         radiance: gather.radiance,
         clock: gather.time,
         payers: payers.as_ref(),
-        blockers: settings.shortcuts,
-        packets: settings.shortcuts && scene.triangle_count() as u64 <= PACKED * pixels,
+        packets: settings.packets && scene.triangle_count() as u64 <= PACKED * pixels,
     };
     let isa = scene.bvh.isa();
     let total = whole(settings.spp);

@@ -48,7 +48,6 @@ pub fn sound(
         clock: false,
         payers: Some(&payers),
         packets: true,
-        blockers: true,
     };
     let frame = Frame::new(FrameDesc { tile: 1, ..FrameDesc::new(1, 1) });
     let names: Vec<String> = scene.material_names().map(str::to_owned).collect();

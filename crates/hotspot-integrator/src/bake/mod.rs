@@ -238,7 +238,6 @@ impl WithSimd for BakeRow<'_> {
                             &kernel.path,
                             Start::new(ray, light),
                             &sampler,
-                            None,
                             &mut probe,
                         );
                         probe.book();

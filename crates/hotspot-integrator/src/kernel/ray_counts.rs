@@ -182,7 +182,6 @@ fn check(name: &str, scene: &Scene, instancing: Instancing) -> Held {
         clock: false,
         payers: None,
         packets: true,
-        blockers: true,
     };
     let mut held = Held::default();
     for (x, y) in frame.pixels() {

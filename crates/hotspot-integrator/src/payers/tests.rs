@@ -103,7 +103,6 @@ fn oracle(scene: &RenderScene, camera: &hotspot_scene::Camera, settings: &Settin
                     &path,
                     Start::new((origin, direction), light),
                     &sampler,
-                    None,
                     &mut log,
                 );
                 rays += log.0.len() as u64;
