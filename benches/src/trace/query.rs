@@ -11,7 +11,7 @@ impl WithSimd for Closest<'_> {
     fn run<S: Simd>(self, simd: S) -> u64 {
         let mut hits = 0;
         for (ray, out) in self.1.iter().zip(self.2) {
-            *out = self.0.closest_hit_flat(simd, ray, NoProbe);
+            *out = self.0.closest_hit_flat(simd, ray, [], NoProbe);
             hits += u64::from(out.is_some());
         }
         hits
@@ -41,7 +41,7 @@ impl WithSimd for Any<'_> {
     fn run<S: Simd>(self, simd: S) -> u64 {
         let mut hits = 0;
         for (ray, out) in self.1.iter().zip(self.2) {
-            *out = self.0.occluded_flat(simd, ray, NoProbe);
+            *out = self.0.occluded_flat(simd, ray, [], NoProbe);
             hits += u64::from(*out);
         }
         hits

@@ -9,7 +9,7 @@ impl WithSimd for Closest<'_> {
     type Output = Option<Hit>;
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Option<Hit> {
-        self.0.closest_hit_flat(simd, self.1, NoProbe)
+        self.0.closest_hit_flat(simd, self.1, [], NoProbe)
     }
 }
 
@@ -19,7 +19,7 @@ impl WithSimd for Any<'_> {
     type Output = bool;
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> bool {
-        self.0.occluded_flat(simd, self.1, NoProbe)
+        self.0.occluded_flat(simd, self.1, [], NoProbe)
     }
 }
 

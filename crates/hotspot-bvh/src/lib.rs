@@ -203,9 +203,9 @@ impl Bvh {
     #[inline(always)]
     pub fn closest_hit_with<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> Option<Hit> {
         if self.instances.is_empty() {
-            self.closest_hit_flat(simd, ray, probe)
+            self.closest_hit_flat(simd, ray, [], probe)
         } else {
-            self.closest_hit_filtered(simd, ray, NoFilter, probe)
+            self.closest_hit_filtered(simd, ray, [], NoFilter, probe)
         }
     }
 
@@ -213,21 +213,30 @@ impl Bvh {
     #[inline(always)]
     pub fn occluded_with<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> bool {
         if self.instances.is_empty() {
-            self.occluded_flat(simd, ray, probe)
+            self.occluded_flat(simd, ray, [], probe)
         } else {
-            self.occluded_filtered(simd, ray, NoFilter, probe)
+            self.occluded_filtered(simd, ray, [], NoFilter, probe)
         }
     }
 
     /// The nearest hit in a tree without instances: for loops that choose by [`Bvh::instance_count`] themselves.
     ///
+    /// `except`: triangles that the ray is known not to hit, such as the one that it starts on. Time is saved, since every
+    /// ray comes near that one; visits and counts are as without. A number that no triangle has excepts none.
+    ///
     /// # Panics
     /// May panic where the tree has instances.
     #[inline(always)]
-    pub fn closest_hit_flat<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> Option<Hit> {
+    pub fn closest_hit_flat<S: Simd, P: RayProbe, const N: usize>(
+        &self,
+        simd: S,
+        ray: &Ray,
+        except: [u32; N],
+        probe: P,
+    ) -> Option<Hit> {
         simd.vectorize(
             #[inline(always)]
-            || traverse::closest::<S, P, NoFilter, false>(simd, self, ray, NoFilter, probe),
+            || traverse::closest::<S, P, NoFilter, false, N>(simd, self, ray, except, NoFilter, probe),
         )
     }
 
@@ -237,8 +246,14 @@ impl Bvh {
     /// # Panics
     /// May panic where the tree has instances.
     #[inline(always)]
-    pub fn closest_hit_here<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> Option<Hit> {
-        traverse::closest::<S, P, NoFilter, false>(simd, self, ray, NoFilter, probe)
+    pub fn closest_hit_here<S: Simd, P: RayProbe, const N: usize>(
+        &self,
+        simd: S,
+        ray: &Ray,
+        except: [u32; N],
+        probe: P,
+    ) -> Option<Hit> {
+        traverse::closest::<S, P, NoFilter, false, N>(simd, self, ray, except, NoFilter, probe)
     }
 
     /// The nearest hits of up to [`PACKET`] rays in a tree without instances: those of [`Bvh::closest_hit_flat`], bit for bit, and
@@ -254,15 +269,21 @@ impl Bvh {
         );
     }
 
-    /// Whether anything is hit in a tree without instances.
+    /// Whether anything is hit in a tree without instances; `except` as in [`Bvh::closest_hit_flat`].
     ///
     /// # Panics
     /// May panic where the tree has instances.
     #[inline(always)]
-    pub fn occluded_flat<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> bool {
+    pub fn occluded_flat<S: Simd, P: RayProbe, const N: usize>(
+        &self,
+        simd: S,
+        ray: &Ray,
+        except: [u32; N],
+        probe: P,
+    ) -> bool {
         simd.vectorize(
             #[inline(always)]
-            || traverse::any::<S, P, NoFilter, false>(simd, self, ray, NoFilter, probe),
+            || traverse::any::<S, P, NoFilter, false, N>(simd, self, ray, except, NoFilter, probe),
         )
     }
 
@@ -271,37 +292,46 @@ impl Bvh {
     /// # Panics
     /// May panic where the tree has instances.
     #[inline(always)]
-    pub fn occluded_here<S: Simd, P: RayProbe>(&self, simd: S, ray: &Ray, probe: P) -> bool {
-        traverse::any::<S, P, NoFilter, false>(simd, self, ray, NoFilter, probe)
-    }
-
-    /// The nearest hit that `filter` accepts. Not inlined, so that a loop that seldom needs it stays small.
-    #[inline(never)]
-    pub fn closest_hit_filtered<S: Simd, P: RayProbe, F: Filter>(
+    pub fn occluded_here<S: Simd, P: RayProbe, const N: usize>(
         &self,
         simd: S,
         ray: &Ray,
+        except: [u32; N],
+        probe: P,
+    ) -> bool {
+        traverse::any::<S, P, NoFilter, false, N>(simd, self, ray, except, NoFilter, probe)
+    }
+
+    /// The nearest hit that `filter` accepts; `except` as in [`Bvh::closest_hit_flat`], triangles of the world. Not inlined, so that
+    /// a loop that seldom needs it stays small.
+    #[inline(never)]
+    pub fn closest_hit_filtered<S: Simd, P: RayProbe, F: Filter, const N: usize>(
+        &self,
+        simd: S,
+        ray: &Ray,
+        except: [u32; N],
         filter: F,
         probe: P,
     ) -> Option<Hit> {
         simd.vectorize(
             #[inline(always)]
-            || traverse::closest::<S, P, F, true>(simd, self, ray, filter, probe),
+            || traverse::closest::<S, P, F, true, N>(simd, self, ray, except, filter, probe),
         )
     }
 
-    /// Whether there is a hit that `filter` accepts.
+    /// Whether there is a hit that `filter` accepts; `except` as in [`Bvh::closest_hit_flat`], triangles of the world.
     #[inline(never)]
-    pub fn occluded_filtered<S: Simd, P: RayProbe, F: Filter>(
+    pub fn occluded_filtered<S: Simd, P: RayProbe, F: Filter, const N: usize>(
         &self,
         simd: S,
         ray: &Ray,
+        except: [u32; N],
         filter: F,
         probe: P,
     ) -> bool {
         simd.vectorize(
             #[inline(always)]
-            || traverse::any::<S, P, F, true>(simd, self, ray, filter, probe),
+            || traverse::any::<S, P, F, true, N>(simd, self, ray, except, filter, probe),
         )
     }
 

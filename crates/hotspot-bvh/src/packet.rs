@@ -66,7 +66,7 @@ pub(crate) fn closest_of_packet<S: Simd>(s: S, bvh: &Bvh, rays: &[Ray], hits: &m
 fn alone<S: Simd>(s: S, bvh: &Bvh, ray: &Ray) -> Option<Hit> {
     s.vectorize(
         #[inline(always)]
-        || closest::<S, NoProbe, NoFilter, false>(s, bvh, ray, NoFilter, NoProbe),
+        || closest::<S, NoProbe, NoFilter, false, 0>(s, bvh, ray, [], NoFilter, NoProbe),
     )
 }
 

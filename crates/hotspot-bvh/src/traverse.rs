@@ -6,6 +6,9 @@
 //!
 //! An instance is searched when its turn comes, as a tree of its own with a stack of its own; `INSTANCED` compiles that out
 //! where a tree has none. A [`Filter`] is asked about each hit that would count.
+//!
+//! `except`: triangles of the world that the ray is known not to hit, such as the one that it starts on, which passes all tests
+//! but the last, dearest one. They are visited and counted like all others.
 
 use crate::Bvh;
 use crate::filter::{Filter, counts};
@@ -102,10 +105,20 @@ struct Candidates {
 }
 
 impl<S: Simd> SlabTest<S> {
-    /// As [`slab_interval`](crate::triangle::slab_interval) for each lane; only where rule 1 leaves any.
+    /// As [`slab_interval`](crate::triangle::slab_interval) for each lane; only where rule 1 leaves any. Without those triangles
+    /// of which is known that they are not hit.
     #[inline(always)]
-    fn candidates(&self, s: S, block: &Block, frame: &RayFrame, t_max: f32) -> Option<Candidates> {
-        let (lanes, inside) = block.candidates(s, frame);
+    fn candidates<const N: usize>(
+        &self,
+        s: S,
+        block: &Block,
+        place: &Place<'_, N>,
+        t_max: f32,
+    ) -> Option<Candidates> {
+        let (mut lanes, inside) = block.candidates(s, place.frame);
+        for primitive in place.except {
+            lanes &= !s.equal(&block.primitives, primitive);
+        }
         if lanes == 0 {
             return None;
         }
@@ -188,10 +201,11 @@ impl Best {
 
 /// The nearest hit.
 #[inline(always)]
-pub(crate) fn closest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
+pub(crate) fn closest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usize>(
     s: S,
     bvh: &Bvh,
     ray: &Ray,
+    except: [u32; N],
     mut filter: F,
     mut probe: P,
 ) -> Option<Hit> {
@@ -200,8 +214,8 @@ pub(crate) fn closest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
         probe.finish(false);
         return None;
     }
-    let place = Place { bvh, root: bvh.root, frame: &frame, instance: NO_INSTANCE };
-    let best = nearest::<S, P, F, INSTANCED>(s, place, Best::none(ray.t_max), &mut filter, &mut probe);
+    let place = Place { bvh, root: bvh.root, frame: &frame, instance: NO_INSTANCE, except };
+    let best = nearest::<S, P, F, INSTANCED, N>(s, place, Best::none(ray.t_max), &mut filter, &mut probe);
     probe.finish(best.found);
     if !best.found {
         return None;
@@ -220,22 +234,24 @@ pub(crate) fn closest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
 
 /// A tree, and the ray in its space.
 #[derive(Clone, Copy)]
-struct Place<'a> {
+struct Place<'a, const N: usize> {
     bvh: &'a Bvh,
     root: Child,
     frame: &'a RayFrame,
     instance: u32,
+    /// Triangles that are not hit.
+    except: [u32; N],
 }
 
 #[inline(always)]
-fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
+fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usize>(
     s: S,
-    place: Place<'_>,
+    place: Place<'_, N>,
     mut best: Best,
     filter: &mut F,
     probe: &mut P,
 ) -> Best {
-    let Place { bvh, root, frame, instance } = place;
+    let Place { bvh, root, frame, instance, .. } = place;
     let slabs = SlabTest::new(s, frame);
     let mut stack: Stack<Pending> = Stack::new();
     let mut current = root;
@@ -248,7 +264,7 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
             if P::ON {
                 probe.leaf(index as u32, block.count(s));
             }
-            let mut candidates = slabs.candidates(s, block, frame, best.t);
+            let mut candidates = slabs.candidates(s, block, &place, best.t);
             while let Some(left) = &mut candidates
                 && left.lanes != 0
             {
@@ -345,9 +361,9 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
 
 /// Searches an instance: `best`, or what it holds before that. Not inlined: it would double the code of the loop.
 #[inline(never)]
-fn nearest_of_instance<S: Simd, P: RayProbe, F: Filter>(
+fn nearest_of_instance<S: Simd, P: RayProbe, F: Filter, const N: usize>(
     s: S,
-    place: Place<'_>,
+    place: Place<'_, N>,
     index: usize,
     best: Best,
     filter: &mut F,
@@ -367,11 +383,17 @@ fn nearest_of_instance<S: Simd, P: RayProbe, F: Filter>(
                 return best;
             }
             let frame = RayFrame::new(&ray);
-            let inside = Place { bvh: place.bvh, root: placed.root, frame: &frame, instance: index as u32 };
+            let inside = Place {
+                bvh: place.bvh,
+                root: placed.root,
+                frame: &frame,
+                instance: index as u32,
+                except: [],
+            };
             // A tie with a hit elsewhere is decided below.
             let ties = best.found && limit == best.t;
             let start = Best { primitive: if ties { u32::MAX } else { 0 }, ..Best::none(limit) };
-            let mut found = nearest::<S, P, F, false>(s, inside, start, filter, probe);
+            let mut found = nearest::<S, P, F, false, 0>(s, inside, start, filter, probe);
             if !found.found {
                 return best;
             }
@@ -385,10 +407,11 @@ fn nearest_of_instance<S: Simd, P: RayProbe, F: Filter>(
 
 /// Whether anything is hit.
 #[inline(always)]
-pub(crate) fn any<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
+pub(crate) fn any<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usize>(
     s: S,
     bvh: &Bvh,
     ray: &Ray,
+    except: [u32; N],
     mut filter: F,
     mut probe: P,
 ) -> bool {
@@ -397,20 +420,20 @@ pub(crate) fn any<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
         probe.finish(false);
         return false;
     }
-    let place = Place { bvh, root: bvh.root, frame: &frame, instance: NO_INSTANCE };
-    let hit = blocked::<S, P, F, INSTANCED>(s, place, &mut filter, &mut probe);
+    let place = Place { bvh, root: bvh.root, frame: &frame, instance: NO_INSTANCE, except };
+    let hit = blocked::<S, P, F, INSTANCED, N>(s, place, &mut filter, &mut probe);
     probe.finish(hit);
     hit
 }
 
 #[inline(always)]
-fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
+fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usize>(
     s: S,
-    place: Place<'_>,
+    place: Place<'_, N>,
     filter: &mut F,
     probe: &mut P,
 ) -> bool {
-    let Place { bvh, root, frame, instance } = place;
+    let Place { bvh, root, frame, instance, .. } = place;
     let t_max = frame.ray.t_max;
     let slabs = SlabTest::new(s, frame);
     let mut stack: Stack<Child> = Stack::new();
@@ -426,7 +449,7 @@ fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
             if P::ON {
                 probe.leaf(index as u32, block.count(s));
             }
-            let mut candidates = slabs.candidates(s, block, frame, t_max);
+            let mut candidates = slabs.candidates(s, block, &place, t_max);
             while let Some(left) = &mut candidates
                 && left.lanes != 0
             {
@@ -465,9 +488,9 @@ fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool>(
 
 /// Whether an instance blocks the ray. Not inlined: it would double the code of the loop.
 #[inline(never)]
-fn blocked_by_instance<S: Simd, P: RayProbe, F: Filter>(
+fn blocked_by_instance<S: Simd, P: RayProbe, F: Filter, const N: usize>(
     s: S,
-    place: Place<'_>,
+    place: Place<'_, N>,
     index: usize,
     filter: &mut F,
     probe: &mut P,
@@ -491,8 +514,14 @@ fn blocked_by_instance<S: Simd, P: RayProbe, F: Filter>(
                 return false;
             }
             let frame = RayFrame::new(&ray);
-            let inside = Place { bvh: place.bvh, root: placed.root, frame: &frame, instance: index as u32 };
-            blocked::<S, P, F, false>(s, inside, filter, probe)
+            let inside = Place {
+                bvh: place.bvh,
+                root: placed.root,
+                frame: &frame,
+                instance: index as u32,
+                except: [],
+            };
+            blocked::<S, P, F, false, 0>(s, inside, filter, probe)
         },
     )
 }

@@ -18,7 +18,7 @@ use hotspot_bvh::Ray;
 use hotspot_bvh::simd::{Simd, WithSimd, dispatch};
 use hotspot_cost::cryptomatte::{Coverage, RANKS, Rank, Ranks};
 use hotspot_cost::{Frame, Layers};
-use hotspot_probe::NoProbe;
+use hotspot_probe::{NONE, NoProbe};
 use hotspot_scene::{Bsdf, Camera};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -129,7 +129,7 @@ impl WithSimd for Row<'_> {
                     let [u, v, ..] = sampler.get(Dimensions::segment(0));
                     let (origin, direction) = camera.ray_of((x, y), [u, v], (width, height));
                     let ray = Ray::new(origin.to_array(), direction.to_array());
-                    let hit = closest_hit::<S, _, FullClass>(simd, scene, &ray, &sampler, 0, NoProbe);
+                    let hit = closest_hit::<S, _, FullClass>(simd, scene, &ray, NONE, &sampler, 0, NoProbe);
                     let Some(hit) = hit else { continue };
                     met += 1;
                     let surface = scene.geometry.surface(hit.instance, hit.primitive);

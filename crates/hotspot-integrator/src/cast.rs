@@ -11,13 +11,16 @@ use crate::sampler::Sampler;
 use crate::scene::RenderScene;
 use hotspot_bvh::simd::Simd;
 use hotspot_bvh::{Hit, NoFilter, NoProbe, Ray, RayProbe};
+use hotspot_probe::NONE;
 
-/// The nearest hit. `bounce`: scattering events before the ray.
+/// The nearest hit. `bounce`: scattering events before the ray; `from`: the triangle of the world that it leaves,
+/// `NONE` for none.
 #[inline(always)]
 pub(crate) fn closest_hit<S: Simd, R: RayProbe, C: Class>(
     simd: S,
     scene: &RenderScene,
     ray: &Ray,
+    from: u32,
     sampler: &Sampler<'_>,
     bounce: u32,
     probe: R,
@@ -26,13 +29,13 @@ pub(crate) fn closest_hit<S: Simd, R: RayProbe, C: Class>(
     crate::kernel::ray_counts::record(ray, sampler.ray_key(2 * bounce), false);
     if has::<C>(Feature::Cutouts) && scene.cutouts.any() {
         let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce) };
-        scene.bvh.closest_hit_filtered(simd, ray, filter, probe)
+        scene.bvh.closest_hit_filtered(simd, ray, [from], filter, probe)
     } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
-        scene.bvh.closest_hit_filtered(simd, ray, NoFilter, probe)
+        scene.bvh.closest_hit_filtered(simd, ray, [from], NoFilter, probe)
     } else if R::ON {
-        scene.bvh.closest_hit_here(simd, ray, probe)
+        scene.bvh.closest_hit_here(simd, ray, [from], probe)
     } else {
-        scene.bvh.closest_hit_flat(simd, ray, probe)
+        scene.bvh.closest_hit_flat(simd, ray, [from], probe)
     }
 }
 
@@ -51,7 +54,7 @@ pub(crate) fn closest_hits<'a, S: Simd, C: Class>(
     let instances = has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0;
     if cutouts || instances || !kernel.packets {
         for (place, (ray, hit)) in rays.iter().zip(hits).enumerate() {
-            *hit = closest_hit::<S, _, C>(simd, scene, ray, &sampler(place), 0, NoProbe);
+            *hit = closest_hit::<S, _, C>(simd, scene, ray, NONE, &sampler(place), 0, NoProbe);
         }
         return;
     }
@@ -62,12 +65,14 @@ pub(crate) fn closest_hits<'a, S: Simd, C: Class>(
     scene.bvh.closest_hits_flat(simd, rays, hits);
 }
 
-/// Whether a shadow ray is blocked.
+/// Whether a shadow ray is blocked. `ends`: the triangles of the world that it leaves and that it is aimed at, `NONE` for none;
+/// it is kept off their planes.
 #[inline(always)]
 pub(crate) fn occluded<S: Simd, R: RayProbe, C: Class>(
     simd: S,
     scene: &RenderScene,
     ray: &Ray,
+    ends: [u32; 2],
     sampler: &Sampler<'_>,
     bounce: u32,
     probe: R,
@@ -76,12 +81,12 @@ pub(crate) fn occluded<S: Simd, R: RayProbe, C: Class>(
     crate::kernel::ray_counts::record(ray, sampler.ray_key(2 * bounce + 1), true);
     if has::<C>(Feature::Cutouts) && scene.cutouts.any() {
         let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce + 1) };
-        scene.bvh.occluded_filtered(simd, ray, filter, probe)
+        scene.bvh.occluded_filtered(simd, ray, ends, filter, probe)
     } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
-        scene.bvh.occluded_filtered(simd, ray, NoFilter, probe)
+        scene.bvh.occluded_filtered(simd, ray, ends, NoFilter, probe)
     } else if R::ON {
-        scene.bvh.occluded_here(simd, ray, probe)
+        scene.bvh.occluded_here(simd, ray, ends, probe)
     } else {
-        scene.bvh.occluded_flat(simd, ray, probe)
+        scene.bvh.occluded_flat(simd, ray, ends, probe)
     }
 }

@@ -18,7 +18,7 @@ use crate::surface::{bumped, resolve};
 use crate::texture::color;
 use glam::{Vec2, Vec3};
 use hotspot_bvh::simd::Simd;
-use hotspot_bvh::{Hit, Ray};
+use hotspot_bvh::{Hit, NO_INSTANCE, Ray};
 use hotspot_cost::Cause;
 use hotspot_probe::{NONE, Probe, RayKind, Spawner};
 
@@ -98,6 +98,8 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
     let learned = if C::LEARNED { settings.learned } else { None };
     let mut first_object = NONE;
     let mut bounces = 0u32;
+    // The triangle of the world that the ray leaves.
+    let mut from = NONE;
     // Of the glass that the path is in.
     let mut absorption = Vec3::ZERO;
     let end = |radiance, cause, throughput: Vec3, first_object| PathResult {
@@ -114,7 +116,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
             // Said again, so that the compiler sees that it is no shadow ray.
             let kind = if bounces == 0 { RayKind::Camera } else { RayKind::Bounce };
             let probe = probe.ray(Spawner { kind, ..spawner });
-            closest_hit::<S, _, C>(simd, scene, &ray, sampler, bounces, probe)
+            closest_hit::<S, _, C>(simd, scene, &ray, from, sampler, bounces, probe)
         };
         let Some(hit) = hit else {
             if let Some((environment, mut pdf)) = scene.lights.escaped::<P, C>(-wo, scattered.cos, probe) {
@@ -192,7 +194,9 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
         let part_choice = if mixed { sampler.get(Dimensions::choices(bounces))[2] } else { 0.0 };
         let resolved = resolve::<P, C>(scene, &material.bsdf, &attributes, front, part_choice, probe);
         let point = scene.geometry.point(surface, hit.u, hit.v);
-        let from = learned.map_or(Viewpoint::NONE, |learned| learned.viewpoint(point.p, frame.n));
+        let in_world = !has::<C>(Feature::Instances) || hit.instance == NO_INSTANCE;
+        let leaves = if in_world { hit.primitive } else { NONE };
+        let viewpoint = learned.map_or(Viewpoint::NONE, |learned| learned.viewpoint(point.p, frame.n));
 
         if !resolved.is_specular() {
             let direct = direct_light::<S, P, C>(
@@ -201,8 +205,9 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
                 settings,
                 &Vertex {
                     part,
+                    primitive: leaves,
                     point: &point,
-                    from: &from,
+                    from: &viewpoint,
                     geometric,
                     frame: &frame,
                     local_wo,
@@ -254,7 +259,8 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
         }
         ray = Ray::new(point.leave(side).to_array(), wi.to_array());
         wo = -wi;
-        scattered = Scattered { pdf: sample.pdf, cos: sample.wi.z, from };
+        scattered = Scattered { pdf: sample.pdf, cos: sample.wi.z, from: viewpoint };
+        from = leaves;
         bounces += 1;
         spawner = Spawner {
             object: part.object,
@@ -277,6 +283,8 @@ fn tell<P: Probe>(probe: &mut P, found: Vec3, left: u32) {
 /// A surface vertex, as light sampling sees it.
 struct Vertex<'a> {
     part: &'a Part,
+    /// Its triangle, if of the world.
+    primitive: u32,
     point: &'a SurfacePoint,
     from: &'a Viewpoint,
     geometric: Vec3,
@@ -345,9 +353,9 @@ fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
     }
     let side = if light.wi.dot(vertex.geometric) < 0.0 { -vertex.geometric } else { vertex.geometric };
     let origin = vertex.point.leave(side);
-    let (emission, ray, aim) = match light.target {
+    let (emission, ray, aim, target) = match light.target {
         LightTarget::Environment(radiance) => {
-            (radiance, Ray::new(origin.to_array(), light.wi.to_array()), NONE)
+            (radiance, Ray::new(origin.to_array(), light.wi.to_array()), NONE, NONE)
         }
         LightTarget::Surface { primitive, point, uv, cos, normal } => {
             let part = scene.geometry.part(primitive);
@@ -374,18 +382,18 @@ fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
             let target = point.meet(if cos < 0.0 { -normal } else { normal }, origin);
             let mut ray = Ray::new(origin.to_array(), (target - origin).to_array());
             ray.t_max = 1.0;
-            (emission, ray, part.object)
+            (emission, ray, part.object, primitive)
         }
         // BSDF sampling never finds these: it has no share.
         _ if !ANY || !has::<C>(Feature::PunctualLights) => return Vec3::ZERO,
         LightTarget::Position { irradiance, position } => {
             let Some(ray) = ray_to_position(origin, position) else { return Vec3::ZERO };
             bsdf_pdf = 0.0;
-            (irradiance, ray, NONE)
+            (irradiance, ray, NONE, NONE)
         }
         LightTarget::Direction(irradiance) => {
             bsdf_pdf = 0.0;
-            (irradiance, Ray::new(origin.to_array(), light.wi.to_array()), NONE)
+            (irradiance, Ray::new(origin.to_array(), light.wi.to_array()), NONE, NONE)
         }
     };
     if emission == Vec3::ZERO {
@@ -402,7 +410,9 @@ fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
         probe.untraced(spawner);
         return Vec3::ZERO;
     }
-    if occluded::<S, _, C>(simd, scene, &ray, vertex.sampler, vertex.bounce, probe.ray(spawner)) {
+    let ends = [vertex.primitive, target];
+    let (sampler, bounce) = (vertex.sampler, vertex.bounce);
+    if occluded::<S, _, C>(simd, scene, &ray, ends, sampler, bounce, probe.ray(spawner)) {
         return Vec3::ZERO;
     }
     let mut arriving = emission;

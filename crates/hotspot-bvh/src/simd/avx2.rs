@@ -8,8 +8,9 @@
 use super::{F8, Simd};
 use core::arch::x86_64::{
     __m256, _CMP_LE_OQ, _CMP_LT_OQ, _MM_HINT_T0, _mm_prefetch, _mm256_add_ps, _mm256_and_ps,
-    _mm256_andnot_ps, _mm256_cmp_ps, _mm256_load_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps,
-    _mm256_mul_ps, _mm256_set1_ps, _mm256_store_ps, _mm256_sub_ps, _mm256_xor_ps,
+    _mm256_andnot_ps, _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_load_ps,
+    _mm256_loadu_si256, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps, _mm256_set1_epi32,
+    _mm256_set1_ps, _mm256_store_ps, _mm256_sub_ps, _mm256_xor_ps,
 };
 
 /// Proof that the processor has AVX2, BMI1, BMI2, LZCNT and POPCNT.
@@ -122,6 +123,15 @@ impl Simd for Avx2 {
     fn lt(self, a: __m256, b: __m256) -> u32 {
         // SAFETY: `self` proves AVX2.
         unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(a, b)).cast_unsigned() }
+    }
+    #[inline(always)]
+    fn equal(self, numbers: &[u32; 8], value: u32) -> u32 {
+        // SAFETY: `self` proves AVX2; the reference is valid for 32 bytes, and unaligned loads ask for nothing else.
+        unsafe {
+            let numbers = _mm256_loadu_si256(numbers.as_ptr().cast());
+            let equal = _mm256_cmpeq_epi32(numbers, _mm256_set1_epi32(value.cast_signed()));
+            _mm256_movemask_ps(_mm256_castsi256_ps(equal)).cast_unsigned()
+        }
     }
     #[inline(always)]
     fn le(self, a: __m256, b: __m256) -> u32 {

@@ -61,6 +61,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn le(self, a: Self::Vector, b: Self::Vector) -> u32;
     /// Bit i is set where lane i of a < lane i of b; never for NaN.
     fn lt(self, a: Self::Vector, b: Self::Vector) -> u32;
+    /// Bit i is set where number i is `value`.
+    fn equal(self, numbers: &[u32; 8], value: u32) -> u32;
 }
 
 /// An algorithm that runs under any [`Simd`] token; see [`dispatch`].
@@ -129,7 +131,7 @@ mod tests {
     fn all_instruction_sets_agree_bit_for_bit() {
         struct Ops(F8, F8);
         impl WithSimd for Ops {
-            type Output = ([[u32; 8]; 11], u32, u32);
+            type Output = ([[u32; 8]; 11], u32, u32, [u32; 2]);
             #[inline(always)]
             fn run<S: Simd>(self, s: S) -> Self::Output {
                 let (a, b) = (s.load(&self.0), s.load(&self.1));
@@ -142,7 +144,9 @@ mod tests {
                 let results = [sum, difference, product, min, max, s.abs(a), s.neg(b), p, q, r, t];
                 // The payload of a NaN is not defined by IEEE arithmetic; that it is one is.
                 let bits = |f: f32| if f.is_nan() { 0x7fc0_0000 } else { f.to_bits() };
-                (results.map(|v| s.store(v).0.map(bits)), s.le(a, b), s.lt(a, b))
+                let [numbers, others] = [self.0, self.1].map(|f| f.0.map(f32::to_bits));
+                let equal = [numbers, others].map(|n| s.equal(&n, numbers[0]));
+                (results.map(|v| s.store(v).0.map(bits)), s.le(a, b), s.lt(a, b), equal)
             }
         }
         let awkward = [

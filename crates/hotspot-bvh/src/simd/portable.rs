@@ -84,6 +84,14 @@ impl Simd for Portable {
         bits
     }
     #[inline(always)]
+    fn equal(self, numbers: &[u32; 8], value: u32) -> u32 {
+        let mut bits = 0;
+        for (lane, &number) in numbers.iter().enumerate() {
+            bits |= u32::from(number == value) << lane;
+        }
+        bits
+    }
+    #[inline(always)]
     fn le(self, a: F8, b: F8) -> u32 {
         let mut bits = 0;
         for lane in 0..8 {

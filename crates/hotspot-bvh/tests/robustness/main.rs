@@ -23,6 +23,7 @@ mod agreement;
 mod counts;
 mod determinism;
 mod distance;
+mod excepted;
 mod filters;
 mod hostile;
 mod instance_building;

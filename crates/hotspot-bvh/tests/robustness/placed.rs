@@ -120,9 +120,9 @@ pub(crate) fn closest<F: Filter, P: RayProbe>(tree: &Bvh, ray: &Ray, filter: F, 
     if tree.isa() == Isa::Avx2
         && let Some(avx2) = hotspot_bvh::simd::Avx2::detect()
     {
-        return tree.closest_hit_filtered(avx2, ray, filter, probe);
+        return tree.closest_hit_filtered(avx2, ray, [], filter, probe);
     }
-    tree.closest_hit_filtered(Portable, ray, filter, probe)
+    tree.closest_hit_filtered(Portable, ray, [], filter, probe)
 }
 
 /// Whether `filter` accepts any hit, under the tree's own instruction set.
@@ -131,9 +131,9 @@ pub(crate) fn occluded<F: Filter, P: RayProbe>(tree: &Bvh, ray: &Ray, filter: F,
     if tree.isa() == Isa::Avx2
         && let Some(avx2) = hotspot_bvh::simd::Avx2::detect()
     {
-        return tree.occluded_filtered(avx2, ray, filter, probe);
+        return tree.occluded_filtered(avx2, ray, [], filter, probe);
     }
-    tree.occluded_filtered(Portable, ray, filter, probe)
+    tree.occluded_filtered(Portable, ray, [], filter, probe)
 }
 
 /// Triangles of the world, meshes, and where they are; with a tree under every instruction set.

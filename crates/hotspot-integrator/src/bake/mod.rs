@@ -20,7 +20,7 @@ use glam::Vec3;
 use hotspot_bvh::Ray;
 use hotspot_bvh::simd::{Simd, WithSimd, dispatch};
 use hotspot_cost::surface::{SurfaceCounts, SurfaceSums};
-use hotspot_probe::{NoProbe, Probe, RayKind, RayProbe, Spawner};
+use hotspot_probe::{NONE, NoProbe, Probe, RayKind, RayProbe, Spawner};
 use hotspot_scene::Camera;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -168,7 +168,8 @@ impl WithSimd for ViewRow<'_> {
             let (origin, direction) = self.film.ray_of((x, self.y), [0.5; 2], (width, self.height));
             let ray = Ray::new(origin.to_array(), direction.to_array());
             let pixel = PixelSampler::new(crate::SamplerKind::Sobol, x, self.y, 0, 0);
-            let hit = closest_hit::<S, _, FullClass>(simd, self.scene, &ray, &pixel.sample(0), 0, NoProbe);
+            let hit =
+                closest_hit::<S, _, FullClass>(simd, self.scene, &ray, NONE, &pixel.sample(0), 0, NoProbe);
             let Some(hit) = hit else { continue };
             let (vertices, [u, v]) = self.mesh.locate(hit.instance, hit.primitive, [hit.u, hit.v]);
             let [a, b, c] = vertices.map(|vertex| self.values[vertex as usize]);

@@ -6,6 +6,7 @@ use crate::sampler::PixelSampler;
 use crate::scene::RenderScene;
 use hotspot_bvh::simd::{Simd, WithSimd, dispatch};
 use hotspot_bvh::{NoProbe, Ray};
+use hotspot_probe::NONE;
 
 /// Directions in which a candidate looks around.
 const LOOKS: u32 = 64;
@@ -76,8 +77,15 @@ impl WithSimd for LookAround<'_> {
             let (sin, cos) = libm::sincosf(2.399_963_2 * k as f32);
             let direction = [r * cos, z, r * sin];
             let ray = Ray::new(self.point, direction);
-            let hit =
-                closest_hit::<S, _, FullClass>(simd, self.scene, &ray, &pixel.sample(k.into()), 0, NoProbe);
+            let hit = closest_hit::<S, _, FullClass>(
+                simd,
+                self.scene,
+                &ray,
+                NONE,
+                &pixel.sample(k.into()),
+                0,
+                NoProbe,
+            );
             let Some(hit) = hit else { continue };
             let part = self.scene.geometry.surface(hit.instance, hit.primitive).part;
             let faces = direction.iter().zip(hit.normal).map(|(d, n)| d * n).sum::<f32>() <= 0.0;

@@ -72,6 +72,12 @@ impl SurfaceTriangle {
         this
     }
 
+    /// Its first corner.
+    #[inline(always)]
+    pub(crate) fn corner(&self) -> [f32; 3] {
+        [self.corner[0] as f32, self.corner[1] as f32, self.corner[2] as f32]
+    }
+
     #[inline(always)]
     pub(crate) fn point(&self, u: f32, v: f32) -> SurfacePoint {
         let (u, v) = (f64::from(u), f64::from(v));

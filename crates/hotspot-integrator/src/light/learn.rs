@@ -19,9 +19,9 @@ use crate::sampler::{Dimensions, PixelSampler, SamplerKind};
 use crate::scene::RenderScene;
 use crate::surface::resolve;
 use glam::{Vec2, Vec3};
-use hotspot_bvh::Ray;
 use hotspot_bvh::simd::{Simd, WithSimd, dispatch};
-use hotspot_probe::NoProbe;
+use hotspot_bvh::{NO_INSTANCE, Ray};
+use hotspot_probe::{NONE, NoProbe};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -196,8 +196,9 @@ impl Walks<'_> {
         let mut ray = Ray::new(origin.to_array(), direction.to_array());
         // The surface that the ray left by the cosine, if by that: its key, and that cosine's density and the other.
         let mut left: Option<(u32, f32, f32)> = None;
+        let mut from = NONE;
         for bounce in 0..=LENGTH {
-            let Some(hit) = closest_hit::<S, _, FullClass>(simd, scene, &ray, sampler, bounce, NoProbe)
+            let Some(hit) = closest_hit::<S, _, FullClass>(simd, scene, &ray, from, sampler, bounce, NoProbe)
             else {
                 // A cosine of 0 has no density to weigh.
                 if let Some((key, cosine, looked)) = left
@@ -207,6 +208,7 @@ impl Walks<'_> {
                 }
                 return;
             };
+            let leaves = if hit.instance == NO_INSTANCE { hit.primitive } else { NONE };
             let surface = scene.geometry.surface(hit.instance, hit.primitive);
             let material = &scene.materials[surface.part.material as usize];
             let wo = -direction;
@@ -242,8 +244,10 @@ impl Walks<'_> {
                     let view = known.find(point.p, frame.n);
                     let (there, density) = known.sample(view, &frame, to_light.into());
                     let cosine = FRAC_1_PI * there.dot(frame.n);
+                    let ends = [leaves, NONE];
+                    let ray = leave(there);
                     if cosine > 0.0
-                        && !occluded::<S, _, FullClass>(simd, scene, &leave(there), sampler, bounce, NoProbe)
+                        && !occluded::<S, _, FullClass>(simd, scene, &ray, ends, sampler, bounce, NoProbe)
                     {
                         escapes.push(Escape::new(key, bin(there), cosine / (cosine + density)));
                     }
@@ -253,6 +257,7 @@ impl Walks<'_> {
             }
             to_light = next_to_light;
             ray = leave(direction);
+            from = leaves;
         }
     }
 }

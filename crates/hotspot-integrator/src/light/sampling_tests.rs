@@ -81,13 +81,19 @@ impl<'a> Bins<'a> {
         Self { scene, fine, lights, punctual: scene.lights.punctual.len(), directions }
     }
 
-    fn expected(&self, frame: &Frame) -> Vec<f64> {
+    /// What shows `p` a back that does not emit is as likely as if it did, and then gives nothing.
+    fn expected(&self, p: Vec3, frame: &Frame) -> Vec<f64> {
         let mut expected = Vec::new();
-        for primitive in &self.lights {
+        let mut unseen = 0.0;
+        for (light, primitive) in self.scene.lights.triangles.iter().zip(&self.lights) {
             let probability = f64::from(self.scene.geometry.part(*primitive).light_pdf_area)
                 * area(&self.scene.geometry.triangles[*primitive as usize]);
             let cells = self.fine * self.fine;
-            expected.extend(vec![SAMPLES as f64 * probability / cells as f64; cells]);
+            let [a, b, c] = self.scene.geometry.triangles[*primitive as usize].map(Vec3::from_array);
+            let seen = light.two_sided || (b - a).cross(c - a).dot(p - a) > 0.0;
+            let share = if seen { SAMPLES as f64 * probability } else { 0.0 };
+            unseen += SAMPLES as f64 * probability - share;
+            expected.extend(vec![share / cells as f64; cells]);
         }
         expected.extend(self.scene.lights.punctual.iter().map(|l| SAMPLES as f64 * f64::from(l.probability)));
         let density = |w: DVec3| {
@@ -96,9 +102,9 @@ impl<'a> Bins<'a> {
             found.map_or(0.0, |(_, pdf)| f64::from(pdf))
         };
         expected.extend(self.directions.expected(&density));
-        let rest = SAMPLES as f64 - expected.iter().sum::<f64>();
+        let rest = SAMPLES as f64 - unseen - expected.iter().sum::<f64>();
         assert!(rest.abs() < 1e-3 * SAMPLES as f64, "densities make {rest} less than all");
-        expected.push(rest.max(0.0));
+        expected.push(unseen + rest.max(0.0));
         expected
     }
 
@@ -154,7 +160,7 @@ pub(super) fn check(suite: &mut Suite, what: &str, scene: &Scene, p: Vec3, norma
     let frame = Frame::new(normal);
     let constant = matches!(scene.lights.environment, super::Surroundings::Constant(_));
     let bins = Bins::new(&scene, fine, normal, if constant { 0.5 * PI } else { PI });
-    let expected = bins.expected(&frame);
+    let expected = bins.expected(p, &frame);
     let mut observed = vec![0; expected.len()];
     let mut random = Random(3);
     let nothing = expected.len() - 1;

@@ -27,9 +27,13 @@ pub(super) struct LightTriangle {
 
 impl LightTriangle {
     /// A point of the triangle, by the barycentric weights of its second and third corner; `pdf_area`: density per area,
-    /// choice included.
+    /// choice included. `None` where the triangle shows `p` a side that does not emit, its edge, or the point is `p`.
     #[inline(always)]
     pub(super) fn sample(&self, p: Vec3, (b, c): (f32, f32), pdf_area: f32) -> Option<LightSample> {
+        let [x, y, z] = self.triangle.corner();
+        if !self.two_sided && self.normal.dot(p - Vec3::new(x, y, z)) <= 0.0 {
+            return None;
+        }
         let near_edge = b.min(c).min(1.0 - b - c) < self.edge;
         let point = if near_edge { self.triangle.point_off_edges(b, c) } else { self.triangle.point(b, c) };
         let normal = self.normal;
