@@ -186,7 +186,10 @@ fn assert_totals(frame: &Frame, ledgers: &Ledgers) {
     assert_eq!(sum(&mut ledgers.payer.iter().map(|row| row.traversal)), expected);
     assert_eq!(sum(&mut ledgers.matrix.iter().map(|row| row.traversal)), expected);
     assert_eq!(ledgers.spawner.iter().map(|row| row.rays).sum::<u64>(), all.get(Counter::Rays));
-    assert!(expected.instances > 0 && expected.alpha_tests > 0);
+    // Every path brought light: wasted is what blocked shadow rays visited.
+    let wasted = all.get(Counter::WasteNodes) + all.get(Counter::WasteShapes);
+    assert_eq!(ledgers.spawner.iter().map(|row| row.blocked).sum::<u64>(), wasted);
+    assert!(expected.instances > 0 && expected.alpha_tests > 0 && wasted > 0);
 }
 
 #[test]
