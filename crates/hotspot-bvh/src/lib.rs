@@ -25,6 +25,7 @@
 mod binary;
 mod build;
 mod collapse;
+mod curve;
 mod filter;
 mod huge;
 mod instance;

@@ -8,11 +8,10 @@
 //!
 //! Each element of a parallel loop depends on its index alone, so the tree is the same for any number of threads.
 
-use crate::binary::{BinaryNode, link_children};
+use crate::binary::{BinaryNode, BinaryTree, Parents};
+use crate::curve;
 use crate::huge;
 use crate::tasks::{self, TASK};
-use core::ops::Range;
-use glam::{DVec3, Vec4};
 use rayon::prelude::*;
 
 /// The longest search distance.
@@ -23,17 +22,19 @@ pub(crate) fn build(
     count: usize,
     leaf: impl Fn(u32) -> BinaryNode + Sync + Send,
     distance: usize,
-) -> Vec<BinaryNode> {
-    let keys = along_the_curve(count, &leaf);
+) -> BinaryTree {
+    let order = curve::order(count, &leaf);
     // What is not yet paired stands at the front and pairs are put at the end. A pass that leaves n of up to 2n nodes leaves
     // the pairs from place 2n on, so they never meet.
     let mut nodes = huge::with_capacity(2 * count);
-    tasks::map_into(&mut nodes, &keys, |key| leaf(key.index));
-    drop(keys);
-    nodes.resize(2 * count, BinaryNode::EMPTY);
-    let mut count = count;
+    tasks::map_into(&mut nodes, &order, |index| leaf(*index));
+    drop(order);
+    tasks::extend(&mut nodes, BinaryNode::EMPTY, count);
+    let parents = Parents::new(count);
     let mut partners = vec![0u32; count];
-    let mut next_pair = count;
+    let mut passes =
+        Passes { nodes: &mut nodes, parents: &parents, other: Vec::new(), aside: false, next_pair: count };
+    let mut count = count;
     let mut stuck = false;
     // The first pass looks at immediate neighbours alone. In regular meshes many farther ones do as well, and pairs chosen among
     // them lie across each other: rays visited 30 % more in a height field of a million triangles, elsewhere as much as otherwise.
@@ -46,36 +47,163 @@ pub(crate) fn build(
                 *partner = (i as u32 ^ 1).min(last);
             }
         } else {
-            find_partners(&nodes[..count], partners, reach);
+            find_partners(passes.unpaired(count), partners, reach);
             reach = distance;
         }
         let before = count;
-        count = 0;
-        for i in 0..before {
-            let partner = partners[i] as usize;
-            let mut node = nodes[i];
-            if partners[partner] as usize == i && partner != i {
-                if partner < i {
-                    continue;
-                }
-                next_pair -= 1;
-                let place = 2 * next_pair;
-                nodes[place] = node;
-                nodes[place + 1] = nodes[partner];
-                node = BinaryNode::parent_of(&nodes[place], &nodes[place + 1], next_pair as u32);
-                link_children(&mut nodes, place as u32);
-                link_children(&mut nodes, place as u32 + 1);
-            }
-            nodes[count] = node;
-            count += 1;
-        }
+        count = passes.merge(partners);
         stuck = (before - count) * 32 < before;
     }
-    if let [_, empty, ..] = &mut nodes[..] {
+    if let [root, empty, ..] = &mut nodes[..] {
         *empty = BinaryNode::EMPTY;
-        link_children(&mut nodes, 0);
+        parents.link_children(root, 0);
     }
-    nodes
+    BinaryTree { nodes, parents }
+}
+
+/// The state between passes.
+struct Passes<'a> {
+    nodes: &'a mut [BinaryNode],
+    parents: &'a Parents,
+    /// What is not yet paired stands here after every other pass that several threads share: none of them could tell when
+    /// what another reads has been read.
+    other: Vec<BinaryNode>,
+    aside: bool,
+    /// The lowest pair so far.
+    next_pair: usize,
+}
+
+impl Passes<'_> {
+    fn unpaired(&self, count: usize) -> &[BinaryNode] {
+        if self.aside { &self.other[..count] } else { &self.nodes[..count] }
+    }
+
+    /// Pairs all that chose each other and returns how many nodes are left.
+    fn merge(&mut self, partners: &[u32]) -> usize {
+        if tasks::worthwhile(partners.len()) {
+            return self.merge_side_by_side(partners);
+        }
+        if self.aside {
+            self.nodes[..partners.len()].copy_from_slice(&self.other[..partners.len()]);
+            self.aside = false;
+        }
+        let mut count = 0;
+        for i in 0..partners.len() {
+            let mut node = self.nodes[i];
+            match Role::of(i, partners) {
+                Role::Right => continue,
+                Role::Left(partner) => {
+                    self.next_pair -= 1;
+                    let place = 2 * self.next_pair;
+                    let right = self.nodes[partner];
+                    (self.nodes[place], self.nodes[place + 1]) = (node, right);
+                    node = joined(&node, &right, self.next_pair, self.parents);
+                }
+                Role::Single => {}
+            }
+            self.nodes[count] = node;
+            count += 1;
+        }
+        count
+    }
+
+    /// The same, in chunks: how many pairs and nodes come of each is counted first.
+    fn merge_side_by_side(&mut self, partners: &[u32]) -> usize {
+        let counts: Vec<(usize, usize)> = (0..partners.len().div_ceil(TASK))
+            .into_par_iter()
+            .map(|chunk| {
+                let range = chunk * TASK..partners.len().min((chunk + 1) * TASK);
+                range.fold((0, 0), |(pairs, left), i| match Role::of(i, partners) {
+                    Role::Left(_) => (pairs + 1, left + 1),
+                    Role::Single => (pairs, left + 1),
+                    Role::Right => (pairs, left),
+                })
+            })
+            .collect();
+        let (pairs, count) = counts.iter().fold((0, 0), |sum, n| (sum.0 + n.0, sum.1 + n.1));
+        if self.other.is_empty() {
+            // Later passes leave fewer.
+            self.other = huge::with_capacity(count);
+            tasks::extend(&mut self.other, BinaryNode::EMPTY, count);
+        }
+        let lowest = self.next_pair - pairs;
+        let (front, back) = self.nodes.split_at_mut(2 * lowest);
+        let (from, to) = if self.aside {
+            (&self.other[..partners.len()], &mut front[..count])
+        } else {
+            (&front[..partners.len()], &mut self.other[..count])
+        };
+        let (mut rest, mut back) = (to, &mut back[..2 * pairs]);
+        let mut next_pair = self.next_pair;
+        let mut chunks = Vec::with_capacity(counts.len());
+        for (chunk, (pairs, count)) in counts.into_iter().enumerate() {
+            let (to, after) = rest.split_at_mut(count);
+            let (before, own) = back.split_at_mut(back.len() - 2 * pairs);
+            (rest, back) = (after, before);
+            chunks.push((chunk * TASK, to, own, next_pair));
+            next_pair -= pairs;
+        }
+        let parents = self.parents;
+        chunks.into_par_iter().for_each(|(first, to, pairs, mut next_pair)| {
+            let mut i = first;
+            let mut pairs = pairs.rchunks_exact_mut(2);
+            for to in to {
+                *to = loop {
+                    let node = from[i];
+                    let role = Role::of(i, partners);
+                    i += 1;
+                    match role {
+                        Role::Right => {}
+                        Role::Single => break node,
+                        Role::Left(partner) => {
+                            next_pair -= 1;
+                            let right = from[partner];
+                            if let Some(pair) = pairs.next() {
+                                (pair[0], pair[1]) = (node, right);
+                            }
+                            break joined(&node, &right, next_pair, parents);
+                        }
+                    }
+                };
+            }
+        });
+        self.aside = !self.aside;
+        self.next_pair = lowest;
+        count
+    }
+}
+
+/// What becomes of a node in a pass.
+enum Role {
+    /// It is paired with a later one, and the parent of both takes its place.
+    Left(usize),
+    /// It is paired with an earlier one.
+    Right,
+    /// It waits for the next pass.
+    Single,
+}
+
+impl Role {
+    #[inline(always)]
+    fn of(i: usize, partners: &[u32]) -> Self {
+        let partner = partners[i] as usize;
+        if partners[partner] as usize != i || partner == i {
+            Self::Single
+        } else if partner < i {
+            Self::Right
+        } else {
+            Self::Left(partner)
+        }
+    }
+}
+
+/// The parent of two nodes that stand at `pair`.
+#[inline(always)]
+fn joined(left: &BinaryNode, right: &BinaryNode, pair: usize, parents: &Parents) -> BinaryNode {
+    let place = 2 * pair as u32;
+    parents.link_children(left, place);
+    parents.link_children(right, place + 1);
+    BinaryNode::parent_of(left, right, pair as u32)
 }
 
 fn find_partners(nodes: &[BinaryNode], partners: &mut [u32], distance: usize) {
@@ -126,93 +254,13 @@ fn partners_of_chunk<const R: usize>(nodes: &[BinaryNode], first: usize, partner
     }
 }
 
-/// A place along the curve.
-#[derive(Clone, Copy, Default)]
-struct Key {
-    code: u64,
-    index: u32,
-}
-
-/// The leaves in the order of a Morton curve through their centres, 21 bits an axis; equals in the order of their coming.
-fn along_the_curve(count: usize, leaf: &(impl Fn(u32) -> BinaryNode + Sync + Send)) -> Vec<Key> {
-    let none = || (Vec4::INFINITY, Vec4::NEG_INFINITY);
-    let middles = |range: Range<u32>| {
-        range.fold(none(), |(low, high), i| {
-            let middle = leaf(i).middle();
-            (low.min(middle), high.max(middle))
-        })
-    };
-    let (low, high) = tasks::fold(count as u32, none, middles, |a, b| (a.0.min(b.0), a.1.max(b.1)));
-    let low = low.truncate().as_dvec3();
-    const STEPS: f64 = (1u32 << 21) as f64;
-    let size = high.truncate().as_dvec3() - low;
-    let scale = DVec3::select(size.cmpgt(DVec3::ZERO), STEPS / size, DVec3::ZERO);
-    let mut keys = tasks::collect(count as u32, |index| {
-        let at = (leaf(index).middle().truncate().as_dvec3() - low) * scale;
-        // The conversion saturates.
-        let [x, y, z] = [at.x, at.y, at.z].map(|c| spread((c as u32).min((1 << 21) - 1)));
-        Key { code: x << 2 | y << 1 | z, index }
-    });
-    sort(&mut keys);
-    keys
-}
-
-/// Two zeros between bits, of 21.
-fn spread(x: u32) -> u64 {
-    let mut x = u64::from(x);
-    x = (x | x << 32) & 0x001f_0000_0000_ffff;
-    x = (x | x << 16) & 0x001f_0000_ff00_00ff;
-    x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-    x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-    (x | x << 2) & 0x1249_2492_4924_9249
-}
-
-/// By code, then by index: into buckets by the highest bits, which are then sorted side by side.
-fn sort(keys: &mut Vec<Key>) {
-    // Some hundreds in a bucket, where they are spread evenly.
-    let bits = (keys.len() / 256).max(1).ilog2().min(12);
-    let bucket = |key: &Key| (key.code >> (63 - bits)) as usize;
-    if bits == 0 {
-        return keys.sort_unstable_by_key(|key| (key.code, key.index));
-    }
-    let mut ends = vec![0u32; 1 << bits];
-    for key in keys.iter() {
-        ends[bucket(key)] += 1;
-    }
-    let mut next = ends.clone();
-    let mut start = 0;
-    for next in &mut next {
-        start += core::mem::replace(next, start);
-    }
-    let mut sorted = huge::filled(Key::default(), keys.len());
-    for key in keys.iter() {
-        let next = &mut next[bucket(key)];
-        sorted[*next as usize] = *key;
-        *next += 1;
-    }
-    let mut rest = &mut sorted[..];
-    let mut buckets = Vec::with_capacity(ends.len());
-    for count in ends {
-        let (bucket, after) = rest.split_at_mut(count as usize);
-        buckets.push(bucket);
-        rest = after;
-    }
-    let sort = |bucket: &mut &mut [Key]| bucket.sort_unstable_by_key(|key| (key.code, key.index));
-    if tasks::worthwhile(keys.len()) {
-        buckets.par_iter_mut().with_min_len(16).for_each(sort);
-    } else {
-        buckets.iter_mut().for_each(sort);
-    }
-    *keys = sorted;
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
     use crate::binary::tests::{Boxes, assert_whole, depth, total_area};
     use crate::node::Bounds;
 
-    pub(crate) fn over(leaves: &[BinaryNode], distance: usize) -> Vec<BinaryNode> {
+    pub(crate) fn over(leaves: &[BinaryNode], distance: usize) -> BinaryTree {
         build(leaves.len(), |i| leaves[i as usize], distance)
     }
 
@@ -239,20 +287,6 @@ pub(crate) mod tests {
         }
     }
 
-    #[test]
-    fn the_order_is_that_of_a_stable_sort() {
-        let mut boxes = Boxes::new(2);
-        for (count, mask) in [(0, !0), (100, !0), (9000, !0), (9000, 0xff), (9000, 0xffff << 40), (9000, 0)] {
-            let mut keys: Vec<Key> =
-                (0..count).map(|index| Key { code: boxes.0.bits() & mask & (!0 >> 1), index }).collect();
-            let mut expected: Vec<(u64, u32)> = keys.iter().map(|key| (key.code, key.index)).collect();
-            expected.sort_unstable();
-            sort(&mut keys);
-            let sorted: Vec<(u64, u32)> = keys.iter().map(|key| (key.code, key.index)).collect();
-            assert!(sorted == expected, "{count} {mask:x}");
-        }
-    }
-
     /// Boxes that tie, that grow so that nobody is chosen back, that have no size: whole trees, of no more levels than passes
     /// that halve at least one in 32 allow.
     #[test]
@@ -269,9 +303,9 @@ pub(crate) mod tests {
             for count in [1u32, 2, 3, 7, 5000] {
                 for distance in [1, 2, FARTHEST] {
                     let leaves: Vec<_> = (0..count).map(|i| BinaryNode::leaf(&bounds(i), i)).collect();
-                    let nodes = over(&leaves, distance);
-                    assert_eq!(assert_whole(&nodes), count, "{name}");
-                    let levels = depth(&nodes);
+                    let tree = over(&leaves, distance);
+                    assert_eq!(assert_whole(&tree), count, "{name}");
+                    let levels = depth(&tree.nodes);
                     assert!(levels <= 120, "{name} {count} {distance}: {levels} levels");
                     assert!(name != "equal" || levels <= 14, "{count} {distance}: {levels} levels");
                 }
@@ -297,9 +331,9 @@ pub(crate) mod tests {
             obvhs::bvh2::reinsertion::ReinsertionOptimizer::default().run(&mut bvh2, 0.05, None);
             let inner = bvh2.nodes.iter().filter(|node| node.prim_count == 0);
             let theirs: f64 = inner.map(|node| f64::from(node.aabb().half_area())).sum();
-            let mut nodes = over(&leaves, 6);
-            crate::reinsertion::optimize(&mut nodes, 0.05);
-            let ours = total_area(&nodes);
+            let mut tree = over(&leaves, 6);
+            crate::reinsertion::optimize(&mut tree, 0.05);
+            let ours = total_area(&tree.nodes);
             assert!(ours < 1.01 * theirs, "{count} {size}: {ours} beside {theirs}");
         }
     }
