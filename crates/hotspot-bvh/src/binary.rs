@@ -101,6 +101,14 @@ impl BinaryNode {
         Bounds { min: self.low.truncate().into(), max: self.high.truncate().into() }
     }
 
+    /// Minima and maxima.
+    #[inline(always)]
+    pub(crate) fn corners(&self) -> ([f32; 3], [f32; 3]) {
+        // Spelled out: a conversion would be a call of its own, outside of the instruction set chosen.
+        let (low, high) = (self.low, self.high);
+        ([low.x, low.y, low.z], [high.x, high.y, high.z])
+    }
+
     /// Twice the centre.
     pub(crate) fn middle(&self) -> Vec4 {
         self.low + self.high

@@ -51,7 +51,7 @@ impl WideTree {
 }
 
 /// Nodes or blocks that are worth a task of their own: each is hundreds of bytes.
-const HEAVY: usize = 512;
+const HEAVY: usize = 64;
 
 /// What the leaves of a binary tree hold: primitive i is triangle i, or beyond those an instance.
 #[derive(Clone, Copy)]
@@ -110,14 +110,23 @@ impl Places {
 #[derive(Default)]
 struct Run {
     shapes: Vec<Shape>,
-    leaves: Vec<[u32; LANES]>,
+    /// Roots of what becomes a block each.
+    leaves: Vec<u32>,
     /// Where what is still to be made of this run begins; it is nothing else then.
     root: Option<u32>,
 }
 
-/// A slot of a node of one run that holds the first node of another.
+/// A slot of a node to be.
+#[derive(Clone, Copy)]
+struct Slot {
+    run: usize,
+    index: usize,
+    slot: usize,
+}
+
+/// A slot that holds the first node of another run.
 struct Bridge {
-    from: (usize, usize, usize),
+    from: Slot,
     to: usize,
 }
 
@@ -157,9 +166,10 @@ impl Emitter<'_> {
             core::iter::once(0).chain(ends).collect::<Vec<_>>()
         };
         let (nodes, blocks) = (starts(|run| run.shapes.len()), starts(|run| run.leaves.len()));
-        for Bridge { from: (run, index, slot), to } in bridges {
+        for Bridge { from, to } in bridges {
             // What follows comes later, so the difference is not negative.
-            runs[run].shapes[index].children[slot] = Child::node((nodes[to] - nodes[run]) as u32);
+            let child = Child::node((nodes[to] - nodes[from.run]) as u32);
+            runs[from.run].shapes[from.index].children[from.slot] = child;
         }
         let last = runs.len();
         let mut tree = WideTree { root, bounds, ..WideTree::with_capacity(nodes[last], blocks[last]) };
@@ -169,7 +179,7 @@ impl Emitter<'_> {
             node
         });
         tasks::flatten_into(&mut tree.blocks, &blocks, HEAVY, |run, index| {
-            self.primitives.block(&runs[run].leaves[index])
+            self.primitives.block(&self.block(runs[run].leaves[index]))
         });
         tree
     }
@@ -177,9 +187,9 @@ impl Emitter<'_> {
     /// Makes the nodes of the wide subtree at `root`, depth first, at the end of the last run. Subtrees of up to `part` leaves
     /// become runs that are still to be made.
     fn subtree(&self, root: u32, part: u32, runs: &mut Vec<Run>, bridges: &mut Vec<Bridge>) {
-        // What to make, its parent's run and index, and slot.
-        let mut pending: Vec<(u32, Option<(usize, usize, usize)>)> = vec![(root, None)];
-        while let Some((place, parent)) = pending.pop() {
+        // What to make, and the slot that leads there.
+        let mut pending: Vec<(u32, Option<Slot>)> = vec![(root, None)];
+        while let Some((place, from)) = pending.pop() {
             let small = part < u32::MAX && self.nodes[place as usize].leaves() <= part;
             let mut last = runs.len() - 1;
             if small || runs[last].root.is_some() {
@@ -188,12 +198,12 @@ impl Emitter<'_> {
             }
             let run = &mut runs[last];
             let index = run.shapes.len();
-            if let Some((from, above, slot)) = parent {
-                if from == last {
-                    run.shapes[above].children[slot] = Child::node(index as u32);
-                } else {
-                    bridges.push(Bridge { from: (from, above, slot), to: last });
+            match from {
+                Some(from) if from.run == last => {
+                    run.shapes[from.index].children[from.slot] = Child::node(index as u32);
                 }
+                Some(from) => bridges.push(Bridge { from, to: last }),
+                None => {}
             }
             if small {
                 continue;
@@ -207,7 +217,7 @@ impl Emitter<'_> {
             }
             for slot in (blocks..places.count).rev() {
                 if children[slot] == Child::EMPTY {
-                    pending.push((places.places[slot], Some((last, index, slot))));
+                    pending.push((places.places[slot], Some(Slot { run: last, index, slot })));
                 }
             }
             run.shapes.push(Shape { children, places: places.places });
@@ -279,11 +289,11 @@ impl Emitter<'_> {
     }
 
     /// An instance, or the next block.
-    fn leaf(&self, place: u32, blocks: &mut Vec<[u32; LANES]>) -> Child {
+    fn leaf(&self, place: u32, blocks: &mut Vec<u32>) -> Child {
         if let Some(instance) = self.instance(&self.nodes[place as usize]) {
             return Child::instance(instance);
         }
-        blocks.push(self.block(place));
+        blocks.push(place);
         Child::leaf(blocks.len() as u32 - 1)
     }
 

@@ -5,7 +5,7 @@
 
 use crate::binary::BinaryNode;
 use crate::huge;
-use crate::tasks::{self, TASK};
+use crate::tasks::{self, PIECE};
 use core::ops::Range;
 use glam::{DVec3, Vec4};
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ const BITS: u32 = 63;
 
 /// The code, then the index, so that equals go in the order of their coming.
 fn key(code: u64, index: u32) -> u128 {
-    u128::from(code) << 32 | u128::from(index)
+    u128::from(code) << 64 | u128::from(index)
 }
 
 /// The indices of leaves along the curve; `leaf` makes one, more than once.
@@ -53,16 +53,16 @@ fn spread(x: u32) -> u64 {
 /// The numbers below `count` by their code, equals by themselves.
 fn sorted(count: usize, code: impl Fn(u32) -> u64 + Sync + Send) -> Vec<u32> {
     // Some hundreds in a bucket, where they are spread evenly.
-    let bits = (count / 256).max(1).ilog2().min(12);
+    let bits = (count / 512).max(1).ilog2().min(12);
     if bits == 0 {
         let mut keys: Vec<u128> = (0..count as u32).map(|index| key(code(index), index)).collect();
         keys.sort_unstable();
         return keys.into_iter().map(|key| key as u32).collect();
     }
-    let shift = BITS + 32 - bits;
+    let bucket = |key: u128| ((key >> 64) as u64 >> (BITS - bits)) as usize;
     let buckets = 1usize << bits;
     // Not so small that next to nothing of a bucket is in one chunk, not so large that it leaves the cache.
-    let chunk = (count / 32).clamp(TASK, 16 * TASK);
+    let chunk = (count / 64).clamp(2 * PIECE, 64 * PIECE);
     // Zeros, which cost nothing until they are touched.
     let mut keys = huge::advised(vec![0u128; count]);
     // Of each chunk where its buckets begin, and its end.
@@ -72,8 +72,8 @@ fn sorted(count: usize, code: impl Fn(u32) -> u64 + Sync + Send) -> Vec<u32> {
         let first = (first * chunk) as u32;
         local.clear();
         local.extend((first..first + to.len() as u32).map(|index| key(code(index), index)));
-        for key in local.iter() {
-            starts[(key >> shift) as usize + 1] += 1;
+        for &key in local.iter() {
+            starts[bucket(key) + 1] += 1;
         }
         // `starts[b + 1]` is first the number of keys in b, then where b begins, then where it ends: where b + 1 begins.
         let mut sum = 0;
@@ -81,7 +81,7 @@ fn sorted(count: usize, code: impl Fn(u32) -> u64 + Sync + Send) -> Vec<u32> {
             sum += core::mem::replace(start, sum);
         }
         for &key in local.iter() {
-            let next = &mut starts[(key >> shift) as usize + 1];
+            let next = &mut starts[bucket(key) + 1];
             to[*next as usize] = key;
             *next += 1;
         }
@@ -89,7 +89,7 @@ fn sorted(count: usize, code: impl Fn(u32) -> u64 + Sync + Send) -> Vec<u32> {
     let parallel = tasks::worthwhile(count);
     if parallel {
         let chunks = keys.par_chunks_mut(chunk).zip(starts.par_chunks_mut(width)).enumerate();
-        chunks.for_each_init(Vec::new, distribute);
+        chunks.with_max_len(1).for_each_init(Vec::new, distribute);
     } else {
         let mut local = Vec::new();
         let chunks = keys.chunks_mut(chunk).zip(starts.chunks_mut(width)).enumerate();
@@ -120,7 +120,7 @@ fn sorted(count: usize, code: impl Fn(u32) -> u64 + Sync + Send) -> Vec<u32> {
         }
     };
     if parallel {
-        parts.par_iter_mut().with_min_len(16).for_each_init(Vec::new, collect);
+        parts.par_iter_mut().with_min_len(2).with_max_len(4).for_each_init(Vec::new, collect);
     } else {
         let mut local = Vec::new();
         parts.iter_mut().for_each(|part| collect(&mut local, part));
@@ -138,7 +138,7 @@ mod tests {
     fn the_order_is_that_of_a_stable_sort() {
         let mut random = Random(2);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
-        for count in [0, 1, 100, 511, 512, TASK, TASK + 1, 9000, 2 * TASK, 32 * TASK + 33] {
+        for count in [0, 1, 100, 1023, 1024, 4 * PIECE, 4 * PIECE + 1, 9000, 128 * PIECE + 33] {
             for mask in [!0, 0xff, 0xffff << 40, 1 << 62, 0] {
                 let codes: Vec<u64> = (0..count).map(|_| random.bits() & mask & (!0 >> 1)).collect();
                 let mut expected: Vec<u32> = (0..count as u32).collect();

@@ -29,6 +29,7 @@ mod curve;
 mod filter;
 mod huge;
 mod instance;
+mod neighbours;
 mod node;
 mod obvhs;
 pub mod oracle;

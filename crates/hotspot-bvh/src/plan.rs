@@ -80,7 +80,7 @@ struct Waiting {
 }
 
 /// Parts of the tree that are worked on side by side, about, where there is a pool to share them.
-const PARTS: u32 = 64;
+const PARTS: u32 = 128;
 /// Leaves of a part, at least.
 const SMALLEST: u32 = 256;
 

@@ -11,11 +11,9 @@
 use crate::binary::{BinaryNode, BinaryTree, Parents};
 use crate::curve;
 use crate::huge;
-use crate::tasks::{self, TASK};
+use crate::neighbours::find_partners;
+use crate::tasks::{self, PIECE};
 use rayon::prelude::*;
-
-/// The longest search distance.
-pub(crate) const FARTHEST: usize = 14;
 
 /// The tree over `count` leaves, which `leaf` makes, more than once; nodes search `distance` places each way.
 pub(crate) fn build(
@@ -32,8 +30,14 @@ pub(crate) fn build(
     tasks::extend(&mut nodes, BinaryNode::EMPTY, count);
     let parents = Parents::new(count);
     let mut partners = vec![0u32; count];
-    let mut passes =
-        Passes { nodes: &mut nodes, parents: &parents, other: Vec::new(), aside: false, next_pair: count };
+    let mut passes = Passes {
+        nodes: &mut nodes,
+        parents: &parents,
+        other: Vec::new(),
+        aside: false,
+        next_pair: count,
+        roles: Roles::default(),
+    };
     let mut count = count;
     let mut stuck = false;
     // The first pass looks at immediate neighbours alone. In regular meshes many farther ones do as well, and pairs chosen among
@@ -71,6 +75,7 @@ struct Passes<'a> {
     aside: bool,
     /// The lowest pair so far.
     next_pair: usize,
+    roles: Roles,
 }
 
 impl Passes<'_> {
@@ -87,170 +92,139 @@ impl Passes<'_> {
             self.nodes[..partners.len()].copy_from_slice(&self.other[..partners.len()]);
             self.aside = false;
         }
-        let mut count = 0;
-        for i in 0..partners.len() {
-            let mut node = self.nodes[i];
-            match Role::of(i, partners) {
-                Role::Right => continue,
-                Role::Left(partner) => {
-                    self.next_pair -= 1;
-                    let place = 2 * self.next_pair;
-                    let right = self.nodes[partner];
-                    (self.nodes[place], self.nodes[place + 1]) = (node, right);
-                    node = joined(&node, &right, self.next_pair, self.parents);
-                }
-                Role::Single => {}
+        let (front, back) = self.nodes.split_at_mut(partners.len());
+        let mut left = 0;
+        for first in (0..partners.len()).step_by(PIECE) {
+            let roles = &mut self.roles;
+            roles.tell(first, partners);
+            let next_pair = self.next_pair;
+            self.next_pair -= roles.firsts.len();
+            let pairs = &mut back[2 * self.next_pair - partners.len()..2 * next_pair - partners.len()];
+            roles.pair_up(front, partners, pairs, next_pair, self.parents);
+            // What is overwritten stands before all that is still to be read.
+            for (to, &from) in (left..).zip(&roles.stay) {
+                front[to] = front[from as usize];
             }
-            self.nodes[count] = node;
-            count += 1;
+            roles.put_parents(pairs, next_pair, &mut front[left..]);
+            left += roles.stay.len();
         }
-        count
+        left
     }
 
     /// The same, in chunks: how many pairs and nodes come of each is counted first.
     fn merge_side_by_side(&mut self, partners: &[u32]) -> usize {
-        let counts: Vec<(usize, usize)> = (0..partners.len().div_ceil(TASK))
-            .into_par_iter()
-            .map(|chunk| {
-                let range = chunk * TASK..partners.len().min((chunk + 1) * TASK);
-                range.fold((0, 0), |(pairs, left), i| match Role::of(i, partners) {
-                    Role::Left(_) => (pairs + 1, left + 1),
-                    Role::Single => (pairs, left + 1),
-                    Role::Right => (pairs, left),
-                })
-            })
-            .collect();
-        let (pairs, count) = counts.iter().fold((0, 0), |sum, n| (sum.0 + n.0, sum.1 + n.1));
+        let chunks = (0..partners.len().div_ceil(PIECE)).into_par_iter().with_max_len(4);
+        let counts: Vec<(usize, usize)> = chunks.map(|chunk| Roles::count(chunk * PIECE, partners)).collect();
+        let (pairs, left) = counts.iter().fold((0, 0), |sum, n| (sum.0 + n.0, sum.1 + n.1));
         if self.other.is_empty() {
             // Later passes leave fewer.
-            self.other = huge::with_capacity(count);
-            tasks::extend(&mut self.other, BinaryNode::EMPTY, count);
+            self.other = huge::with_capacity(left);
+            tasks::extend(&mut self.other, BinaryNode::EMPTY, left);
         }
         let lowest = self.next_pair - pairs;
         let (front, back) = self.nodes.split_at_mut(2 * lowest);
-        let (from, to) = if self.aside {
-            (&self.other[..partners.len()], &mut front[..count])
+        let (from, mut to) = if self.aside {
+            (&self.other[..partners.len()], &mut front[..left])
         } else {
-            (&front[..partners.len()], &mut self.other[..count])
+            (&front[..partners.len()], &mut self.other[..left])
         };
-        let (mut rest, mut back) = (to, &mut back[..2 * pairs]);
+        let mut back = &mut back[..2 * pairs];
         let mut next_pair = self.next_pair;
         let mut chunks = Vec::with_capacity(counts.len());
-        for (chunk, (pairs, count)) in counts.into_iter().enumerate() {
-            let (to, after) = rest.split_at_mut(count);
-            let (before, own) = back.split_at_mut(back.len() - 2 * pairs);
-            (rest, back) = (after, before);
-            chunks.push((chunk * TASK, to, own, next_pair));
+        for (chunk, (pairs, left)) in counts.into_iter().enumerate() {
+            let (own, after) = to.split_at_mut(left);
+            let (before, own_pairs) = back.split_at_mut(back.len() - 2 * pairs);
+            (to, back) = (after, before);
+            chunks.push((chunk * PIECE, own, own_pairs, next_pair));
             next_pair -= pairs;
         }
         let parents = self.parents;
-        chunks.into_par_iter().for_each(|(first, to, pairs, mut next_pair)| {
-            let mut i = first;
-            let mut pairs = pairs.rchunks_exact_mut(2);
-            for to in to {
-                *to = loop {
-                    let node = from[i];
-                    let role = Role::of(i, partners);
-                    i += 1;
-                    match role {
-                        Role::Right => {}
-                        Role::Single => break node,
-                        Role::Left(partner) => {
-                            next_pair -= 1;
-                            let right = from[partner];
-                            if let Some(pair) = pairs.next() {
-                                (pair[0], pair[1]) = (node, right);
-                            }
-                            break joined(&node, &right, next_pair, parents);
-                        }
-                    }
-                };
-            }
-        });
+        chunks.into_par_iter().with_max_len(2).for_each_init(
+            Roles::default,
+            |roles, (first, to, pairs, next_pair)| {
+                roles.tell(first, partners);
+                roles.pair_up(from, partners, pairs, next_pair, parents);
+                for (to, &i) in to.iter_mut().zip(&roles.stay) {
+                    *to = from[i as usize];
+                }
+                roles.put_parents(pairs, next_pair, to);
+            },
+        );
         self.aside = !self.aside;
         self.next_pair = lowest;
-        count
+        left
     }
 }
 
-/// What becomes of a node in a pass.
-enum Role {
-    /// It is paired with a later one, and the parent of both takes its place.
-    Left(usize),
-    /// It is paired with an earlier one.
-    Right,
-    /// It waits for the next pass.
-    Single,
+/// What becomes of the nodes of a chunk. Lists instead of a branch for each node, which would follow no pattern.
+#[derive(Default)]
+struct Roles {
+    /// Those that are not paired with an earlier one.
+    stay: Vec<u32>,
+    /// Where in `stay` those are that are paired with a later one: the parent of both takes that place.
+    firsts: Vec<u32>,
 }
 
-impl Role {
+impl Roles {
+    /// Whether node `i` is the first of a pair, or the second.
     #[inline(always)]
-    fn of(i: usize, partners: &[u32]) -> Self {
+    fn of(i: usize, partners: &[u32]) -> (bool, bool) {
         let partner = partners[i] as usize;
-        if partners[partner] as usize != i || partner == i {
-            Self::Single
-        } else if partner < i {
-            Self::Right
-        } else {
-            Self::Left(partner)
+        let mutual = partners[partner] as usize == i;
+        (mutual & (partner > i), mutual & (partner < i))
+    }
+
+    /// How many pairs and nodes come of the chunk that begins at `first`.
+    fn count(first: usize, partners: &[u32]) -> (usize, usize) {
+        let end = partners.len().min(first + PIECE);
+        let (pairs, gone) = (first..end).fold((0, 0), |(pairs, gone), i| {
+            let (is_first, is_second) = Self::of(i, partners);
+            (pairs + usize::from(is_first), gone + usize::from(is_second))
+        });
+        (pairs, end - first - gone)
+    }
+
+    /// Makes the lists for the chunk that begins at `first`.
+    fn tell(&mut self, first: usize, partners: &[u32]) {
+        let end = partners.len().min(first + PIECE);
+        self.stay.resize(end - first, 0);
+        self.firsts.resize(end - first, 0);
+        let (mut stay, mut firsts) = (0, 0);
+        for i in first..end {
+            let (is_first, is_second) = Self::of(i, partners);
+            self.stay[stay] = i as u32;
+            self.firsts[firsts] = stay as u32;
+            stay += usize::from(!is_second);
+            firsts += usize::from(is_first);
+        }
+        self.stay.truncate(stay);
+        self.firsts.truncate(firsts);
+    }
+
+    /// Puts pairs below `next_pair`, which stand at the end of `pairs`.
+    fn pair_up(
+        &self,
+        from: &[BinaryNode],
+        partners: &[u32],
+        pairs: &mut [BinaryNode],
+        next_pair: usize,
+        parents: &Parents,
+    ) {
+        let mut place = 2 * next_pair as u32;
+        for (pair, &first) in pairs.rchunks_exact_mut(2).zip(&self.firsts) {
+            place -= 2;
+            let i = self.stay[first as usize] as usize;
+            (pair[0], pair[1]) = (from[i], from[partners[i] as usize]);
+            parents.link_children(&pair[0], place);
+            parents.link_children(&pair[1], place + 1);
         }
     }
-}
 
-/// The parent of two nodes that stand at `pair`.
-#[inline(always)]
-fn joined(left: &BinaryNode, right: &BinaryNode, pair: usize, parents: &Parents) -> BinaryNode {
-    let place = 2 * pair as u32;
-    parents.link_children(left, place);
-    parents.link_children(right, place + 1);
-    BinaryNode::parent_of(left, right, pair as u32)
-}
-
-fn find_partners(nodes: &[BinaryNode], partners: &mut [u32], distance: usize) {
-    let search = match distance {
-        1 => partners_of_chunk::<1>,
-        2 => partners_of_chunk::<2>,
-        3 => partners_of_chunk::<3>,
-        4..=6 => partners_of_chunk::<6>,
-        _ => partners_of_chunk::<FARTHEST>,
-    };
-    if !tasks::worthwhile(nodes.len()) {
-        return search(nodes, 0, partners);
-    }
-    let chunks = partners.par_chunks_mut(TASK).enumerate();
-    chunks.for_each(|(chunk, partners)| search(nodes, chunk * TASK, partners));
-}
-
-/// For the nodes from `first` on the neighbour within `R` places with which each would be smallest.
-fn partners_of_chunk<const R: usize>(nodes: &[BinaryNode], first: usize, partners: &mut [u32]) {
-    // Of node i and those after it: the least so far of (area, i ^ neighbour) as one number.
-    let mut best = [u64::MAX; FARTHEST + 1];
-    for i in first.saturating_sub(R)..first + partners.len() {
-        let node = &nodes[i];
-        let mut own = best[0];
-        let mut look = |d: usize, other: &BinaryNode| {
-            // Areas are not negative, so their bits are in their order.
-            let area = node.half_area_with(other).to_bits();
-            let key = u64::from(area) << 32 | (i ^ (i + d)) as u64;
-            own = own.min(key);
-            best[d] = best[d].min(key);
-        };
-        if let Some(after) = nodes[i + 1..].first_chunk::<R>() {
-            for d in 1..=R {
-                look(d, &after[d - 1]);
-            }
-        } else {
-            for (other, d) in nodes[i + 1..].iter().zip(1..) {
-                look(d, other);
-            }
+    /// Puts the parents of those pairs in the places of their first nodes.
+    fn put_parents(&self, pairs: &[BinaryNode], next_pair: usize, to: &mut [BinaryNode]) {
+        for ((pair, &first), number) in pairs.rchunks_exact(2).zip(&self.firsts).zip(1..) {
+            to[first as usize] = BinaryNode::parent_of(&pair[0], &pair[1], (next_pair - number) as u32);
         }
-        if i >= first {
-            partners[i - first] = i as u32 ^ own as u32;
-        }
-        for d in 0..R {
-            best[d] = best[d + 1];
-        }
-        best[R] = u64::MAX;
     }
 }
 
@@ -258,33 +232,11 @@ fn partners_of_chunk<const R: usize>(nodes: &[BinaryNode], first: usize, partner
 pub(crate) mod tests {
     use super::*;
     use crate::binary::tests::{Boxes, assert_whole, depth, total_area};
+    use crate::neighbours::FARTHEST;
     use crate::node::Bounds;
 
     pub(crate) fn over(leaves: &[BinaryNode], distance: usize) -> BinaryTree {
         build(leaves.len(), |i| leaves[i as usize], distance)
-    }
-
-    /// Ties and all, alone and in chunks that three threads share.
-    #[test]
-    fn partners_are_the_nearest() {
-        let mut boxes = Boxes::new(1);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
-        for (count, size) in [(2, 0.5), (3, 0.5), (17, 0.5), (40, 0.0), (3 * TASK + 5, 0.5)] {
-            let nodes = boxes.leaves(count, size);
-            for distance in [1, 2, 3, 6, FARTHEST] {
-                let mut partners = vec![0; count];
-                pool.install(|| find_partners(&nodes, &mut partners, distance));
-                for (i, &partner) in partners.iter().enumerate() {
-                    let others =
-                        (i.saturating_sub(distance)..=(i + distance).min(count - 1)).filter(|&j| j != i);
-                    let nearest = others.min_by(|&a, &b| {
-                        let [x, y] = [a, b].map(|j| nodes[i].half_area_with(&nodes[j]));
-                        x.total_cmp(&y).then((i ^ a).cmp(&(i ^ b)))
-                    });
-                    assert_eq!(Some(partner as usize), nearest, "{count} {distance} {i}");
-                }
-            }
-        }
     }
 
     /// Boxes that tie, that grow so that nobody is chosen back, that have no size: whole trees, of no more levels than passes
