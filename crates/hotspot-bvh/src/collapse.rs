@@ -110,8 +110,8 @@ impl Places {
 #[derive(Default)]
 struct Run {
     shapes: Vec<Shape>,
-    /// Roots of what becomes a block each.
-    leaves: Vec<u32>,
+    /// Triangles of blocks. Listed before any is read: more of those that are far away are then waited for at once.
+    leaves: Vec<[u32; LANES]>,
     /// Where what is still to be made of this run begins; it is nothing else then.
     root: Option<u32>,
 }
@@ -142,17 +142,20 @@ impl Emitter<'_> {
     fn run(self) -> WideTree {
         let root = &self.nodes[0];
         let bounds = root.bounds();
-        let (mut runs, mut bridges) = (vec![Run::default()], Vec::new());
+        let part = part_size(self.nodes);
+        // What is only the top, is small.
+        let first = if part < u32::MAX { Run::default() } else { self.room(0) };
+        let (mut runs, mut bridges) = (vec![first], Vec::new());
         let root = if self.plans.of(root).is_leaf() {
             self.leaf(0, &mut runs[0].leaves)
         } else {
-            self.subtree(0, part_size(self.nodes), &mut runs, &mut bridges);
+            self.subtree(0, part, &mut runs, &mut bridges);
             Child::node(0)
         };
         if runs.len() > 1 {
             runs.par_iter_mut().with_max_len(1).for_each(|run| {
                 if let Some(root) = run.root.take() {
-                    let mut own = vec![core::mem::take(run)];
+                    let mut own = vec![self.room(root)];
                     self.subtree(root, u32::MAX, &mut own, &mut Vec::new());
                     *run = own.swap_remove(0);
                 }
@@ -179,9 +182,19 @@ impl Emitter<'_> {
             node
         });
         tasks::flatten_into(&mut tree.blocks, &blocks, HEAVY, |run, index| {
-            self.primitives.block(&self.block(runs[run].leaves[index]))
+            self.primitives.block(&runs[run].leaves[index])
         });
         tree
+    }
+
+    /// A run with room for what is below `place`, as it mostly is.
+    fn room(&self, place: u32) -> Run {
+        let leaves = (self.nodes[place as usize].leaves() as usize).min(self.nodes.len() / 2);
+        Run {
+            shapes: huge::with_capacity(leaves / 16 + 1),
+            leaves: huge::with_capacity(leaves / 4 + 1),
+            root: None,
+        }
     }
 
     /// Makes the nodes of the wide subtree at `root`, depth first, at the end of the last run. Subtrees of up to `part` leaves
@@ -289,11 +302,11 @@ impl Emitter<'_> {
     }
 
     /// An instance, or the next block.
-    fn leaf(&self, place: u32, blocks: &mut Vec<u32>) -> Child {
+    fn leaf(&self, place: u32, blocks: &mut Vec<[u32; LANES]>) -> Child {
         if let Some(instance) = self.instance(&self.nodes[place as usize]) {
             return Child::instance(instance);
         }
-        blocks.push(place);
+        blocks.push(self.block(place));
         Child::leaf(blocks.len() as u32 - 1)
     }
 

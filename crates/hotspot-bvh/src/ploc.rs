@@ -36,7 +36,7 @@ pub(crate) fn build(
         other: Vec::new(),
         aside: false,
         next_pair: count,
-        roles: Roles::default(),
+        roles: vec![Roles::default()],
     };
     let mut count = count;
     let mut stuck = false;
@@ -75,7 +75,8 @@ struct Passes<'a> {
     aside: bool,
     /// The lowest pair so far.
     next_pair: usize,
-    roles: Roles,
+    /// Of each chunk, where several threads share a pass; at least one.
+    roles: Vec<Roles>,
 }
 
 impl Passes<'_> {
@@ -95,7 +96,7 @@ impl Passes<'_> {
         let (front, back) = self.nodes.split_at_mut(partners.len());
         let mut left = 0;
         for first in (0..partners.len()).step_by(PIECE) {
-            let roles = &mut self.roles;
+            let roles = &mut self.roles[0];
             roles.tell(first, partners);
             let next_pair = self.next_pair;
             self.next_pair -= roles.firsts.len();
@@ -113,9 +114,15 @@ impl Passes<'_> {
 
     /// The same, in chunks: how many pairs and nodes come of each is counted first.
     fn merge_side_by_side(&mut self, partners: &[u32]) -> usize {
-        let chunks = (0..partners.len().div_ceil(PIECE)).into_par_iter().with_max_len(4);
-        let counts: Vec<(usize, usize)> = chunks.map(|chunk| Roles::count(chunk * PIECE, partners)).collect();
-        let (pairs, left) = counts.iter().fold((0, 0), |sum, n| (sum.0 + n.0, sum.1 + n.1));
+        let chunks = partners.len().div_ceil(PIECE);
+        if self.roles.len() < chunks {
+            self.roles.resize_with(chunks, Roles::default);
+        }
+        let roles = &mut self.roles[..chunks];
+        let each = roles.par_iter_mut().with_max_len(4).enumerate();
+        each.for_each(|(chunk, roles)| roles.tell(chunk * PIECE, partners));
+        let pairs: usize = roles.iter().map(|roles| roles.firsts.len()).sum();
+        let left = roles.iter().map(|roles| roles.stay.len()).sum();
         if self.other.is_empty() {
             // Later passes leave fewer.
             self.other = huge::with_capacity(left);
@@ -130,26 +137,22 @@ impl Passes<'_> {
         };
         let mut back = &mut back[..2 * pairs];
         let mut next_pair = self.next_pair;
-        let mut chunks = Vec::with_capacity(counts.len());
-        for (chunk, (pairs, left)) in counts.into_iter().enumerate() {
-            let (own, after) = to.split_at_mut(left);
-            let (before, own_pairs) = back.split_at_mut(back.len() - 2 * pairs);
+        let mut chunks = Vec::with_capacity(chunks);
+        for roles in &*roles {
+            let (own, after) = to.split_at_mut(roles.stay.len());
+            let (before, own_pairs) = back.split_at_mut(back.len() - 2 * roles.firsts.len());
             (to, back) = (after, before);
-            chunks.push((chunk * PIECE, own, own_pairs, next_pair));
-            next_pair -= pairs;
+            chunks.push((roles, own, own_pairs, next_pair));
+            next_pair -= roles.firsts.len();
         }
         let parents = self.parents;
-        chunks.into_par_iter().with_max_len(2).for_each_init(
-            Roles::default,
-            |roles, (first, to, pairs, next_pair)| {
-                roles.tell(first, partners);
-                roles.pair_up(from, partners, pairs, next_pair, parents);
-                for (to, &i) in to.iter_mut().zip(&roles.stay) {
-                    *to = from[i as usize];
-                }
-                roles.put_parents(pairs, next_pair, to);
-            },
-        );
+        chunks.into_par_iter().with_max_len(2).for_each(|(roles, to, pairs, next_pair)| {
+            roles.pair_up(from, partners, pairs, next_pair, parents);
+            for (to, &i) in to.iter_mut().zip(&roles.stay) {
+                *to = from[i as usize];
+            }
+            roles.put_parents(pairs, next_pair, to);
+        });
         self.aside = !self.aside;
         self.next_pair = lowest;
         left
@@ -172,16 +175,6 @@ impl Roles {
         let partner = partners[i] as usize;
         let mutual = partners[partner] as usize == i;
         (mutual & (partner > i), mutual & (partner < i))
-    }
-
-    /// How many pairs and nodes come of the chunk that begins at `first`.
-    fn count(first: usize, partners: &[u32]) -> (usize, usize) {
-        let end = partners.len().min(first + PIECE);
-        let (pairs, gone) = (first..end).fold((0, 0), |(pairs, gone), i| {
-            let (is_first, is_second) = Self::of(i, partners);
-            (pairs + usize::from(is_first), gone + usize::from(is_second))
-        });
-        (pairs, end - first - gone)
     }
 
     /// Makes the lists for the chunk that begins at `first`.
