@@ -141,6 +141,27 @@ impl BinaryNode {
     }
 }
 
+/// Leaves of subtrees that are worth [`warm`]ing: all of one stays in the second cache.
+pub(crate) const WARM: u32 = 2048;
+
+/// Reads the nodes of a subtree, the first few thousand, level by level: who then goes down into it one node after the other, each
+/// telling where the next is, need not wait for memory at each step. Here nothing waits for anything: reads are independent of each other, and
+/// no branch depends on them.
+pub(crate) fn warm(nodes: &[BinaryNode], root: u32) {
+    const MOST: usize = 2 * WARM as usize;
+    let mut places = vec![0u32; MOST + 2];
+    places[0] = root;
+    let (mut next, mut count) = (0, 1);
+    while next < count && count <= MOST {
+        let bits = nodes[places[next] as usize].low.w.to_bits();
+        let first = (bits & !(FLAG | NORMAL)) << 1;
+        (places[count], places[count + 1]) = (first, first + 1);
+        count += if bits & FLAG == 0 { 2 } else { 0 };
+        next += 1;
+    }
+    core::hint::black_box(count);
+}
+
 #[inline(always)]
 fn half_area(low: Vec4, high: Vec4) -> f32 {
     let d = high - low;

@@ -1,6 +1,6 @@
 //! Turns a binary tree with one triangle per leaf into the 8-wide tree that [`crate::plan`] found to be the cheapest.
 
-use crate::binary::BinaryNode;
+use crate::binary::{BinaryNode, WARM, warm};
 use crate::node::{Bounds, Child, Node};
 use crate::plan::{Plans, WIDTH, part_size, plan};
 use crate::triangle::{Block, LANES, NO_PRIMITIVE};
@@ -202,6 +202,8 @@ impl Emitter<'_> {
     fn subtree(&self, root: u32, part: u32, runs: &mut Vec<Run>, bridges: &mut Vec<Bridge>) {
         // What to make, and the slot that leads there.
         let mut pending: Vec<(u32, Option<Slot>)> = vec![(root, None)];
+        // How much is pending where a subtree has been warmed; less: it is done.
+        let mut warmed = usize::MAX;
         while let Some((place, from)) = pending.pop() {
             let small = part < u32::MAX && self.nodes[place as usize].leaves() <= part;
             let mut last = runs.len() - 1;
@@ -220,6 +222,13 @@ impl Emitter<'_> {
             }
             if small {
                 continue;
+            }
+            if pending.len() < warmed {
+                warmed = usize::MAX;
+                if self.nodes[place as usize].leaves() <= WARM {
+                    warmed = pending.len();
+                    warm(self.nodes, place);
+                }
             }
             let (places, blocks) = self.sorted(&self.forest(place));
             let mut children = [Child::EMPTY; WIDTH];

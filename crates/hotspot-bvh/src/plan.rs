@@ -6,7 +6,7 @@
 //! forest of at most 8. Costs are surface areas times [`NODE_COST`] or [`BLOCK_COST`]: a block costs the same however
 //! full it is, since its lanes are tested at once. An instance is a leaf of its own.
 
-use crate::binary::BinaryNode;
+use crate::binary::{BinaryNode, WARM, warm};
 use crate::node::Bounds;
 use crate::tasks;
 use crate::triangle::LANES;
@@ -104,30 +104,38 @@ pub(crate) fn plan(nodes: &[BinaryNode], triangles: u32) -> Plans {
             None => roots.push(place),
         }
     }
+    let part = |root| {
+        let small = |place: u32| {
+            (nodes[place as usize].leaves() <= WARM).then(|| {
+                warm(nodes, place);
+                subtree(nodes, triangles, place, |_| None, &plans)
+            })
+        };
+        subtree(nodes, triangles, root, small, &plans)
+    };
     if let [root] = roots[..] {
-        subtree(nodes, triangles, root, |_| None, &plans);
+        part(root);
         return plans;
     }
     // Where the small ones are as good as done by the time the last is begun: the largest first.
     roots.sort_unstable_by_key(|&place| (!nodes[place as usize].leaves(), place));
     let parts = roots.par_iter().with_max_len(1);
-    let mut parts: Vec<(u32, Waiting)> =
-        parts.map(|&root| (root, subtree(nodes, triangles, root, |_| None, &plans))).collect();
+    let mut parts: Vec<(u32, Waiting)> = parts.map(|&root| (root, part(root))).collect();
     parts.sort_unstable_by_key(|(place, _)| *place);
     let known = |place| {
         let part = parts.binary_search_by_key(&place, |(place, _)| *place).ok()?;
-        Some(&parts[part].1)
+        Some(parts[part].1.clone())
     };
     subtree(nodes, triangles, 0, known, &plans);
     plans
 }
 
 /// Plans the subtree at `root`, but for what is known already. Without recursion: hostile geometry makes deep trees.
-fn subtree<'a>(
+fn subtree(
     nodes: &[BinaryNode],
     triangles: u32,
     root: u32,
-    known: impl Fn(u32) -> Option<&'a Waiting>,
+    known: impl Fn(u32) -> Option<Waiting>,
     plans: &Plans,
 ) -> Waiting {
     /// In place of a node: the turn of this pair is over, now it is their parent's.
@@ -142,11 +150,11 @@ fn subtree<'a>(
             plans.set(place & !PARENT, join(l, r));
             waiting.truncate(count - 1);
         } else if let Some(root) = known(place) {
-            waiting.push(root.clone());
+            waiting.push(root);
         } else if let Some(pair) = nodes[place as usize].pair() {
             let children = [2 * pair, 2 * pair + 1];
             let leaves = children.iter().all(|&child| nodes[child as usize].pair().is_none());
-            if leaves && children.iter().all(|&child| known(child).is_none()) {
+            if leaves {
                 // Most leaves stand in such pairs, and there is little to decide.
                 let [mut l, r] = children.map(|child| leaf(&nodes[child as usize], triangles));
                 plans.set(pair, join(&mut l, &r));
