@@ -148,11 +148,11 @@ pub(crate) const WARM: u32 = 2048;
 /// telling where the next is, need not wait for memory at each step. Here nothing waits for anything: reads are independent of each other, and
 /// no branch depends on them.
 pub(crate) fn warm(nodes: &[BinaryNode], root: u32) {
-    const MOST: usize = 2 * WARM as usize;
-    let mut places = vec![0u32; MOST + 2];
+    let most = 2 * nodes[root as usize].leaves().min(WARM) as usize;
+    let mut places = vec![0u32; most + 2];
     places[0] = root;
     let (mut next, mut count) = (0, 1);
-    while next < count && count <= MOST {
+    while next < count && count <= most {
         let bits = nodes[places[next] as usize].low.w.to_bits();
         let first = (bits & !(FLAG | NORMAL)) << 1;
         (places[count], places[count + 1]) = (first, first + 1);
