@@ -52,7 +52,7 @@ pub(crate) fn optimize(tree: &mut BinaryTree, share: f32) {
         let places = (PLACES / batch).max(FEWEST);
         let search = |stack: &mut Vec<(f32, u32)>, key: &u64| best_move(shared, *key as u32, places, stack);
         // A search is worth dozens of elements of other loops.
-        let mut moves: Vec<Move> = if tasks::worthwhile(batch.saturating_mul(64)) {
+        let mut moves: Vec<Move> = if tasks::worthwhile(batch.saturating_mul(32)) {
             let each = candidates.par_iter().with_min_len(64).with_max_len(64);
             each.map_init(Vec::new, search).flatten_iter().collect()
         } else {

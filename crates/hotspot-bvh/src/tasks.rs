@@ -27,7 +27,7 @@ pub(crate) fn map_into<T: Sync, U: Send>(out: &mut Vec<U>, items: &[T], f: impl 
 }
 
 /// `f` of each element of several lists by list and index in it, one list after the other, at the end of `out`, in pieces of `piece`
-/// or so. List k begins at `starts[k]` of all, and the last start is their end.
+/// or so, up to 256. List k begins at `starts[k]` of all, and the last start is their end.
 pub(crate) fn flatten_into<U: Send>(
     out: &mut Vec<U>,
     starts: &[usize],
@@ -35,7 +35,8 @@ pub(crate) fn flatten_into<U: Send>(
     f: impl Fn(usize, usize) -> U + Sync + Send,
 ) {
     let count = starts.last().copied().unwrap_or(0);
-    if count > piece && worthwhile(count.saturating_mul(PIECE / piece)) {
+    // Sixteen pieces or more.
+    if worthwhile(count.saturating_mul(TASK / (16 * piece))) {
         let all = (0..count).into_par_iter().with_min_len(piece).with_max_len(2 * piece);
         out.par_extend(all.map_init(
             || 0,
