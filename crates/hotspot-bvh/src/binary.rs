@@ -1,11 +1,37 @@
 //! The binary tree that [`crate::ploc`] builds, [`crate::reinsertion`] betters and [`crate::collapse`] makes wide.
 //!
 //! A tree over n primitives has 2n places. Place 0 is the root, place 1 stays empty; siblings share a pair of places
-//! (2p, 2p + 1) and with it a cache line. A node is its box and one link in the lanes that two vectors of three leave over:
-//! an inner node's pair of children, a leaf's primitive; the left node of a pair also holds the place of the parent.
+//! (2p, 2p + 1) and with it a cache line. A node is its box and, in the lanes that two vectors of three leave over, a link
+//! (an inner node's pair of children, a leaf's primitive) and the number of leaves below. Where the parent of a pair stands is
+//! kept apart: several threads tell pairs far apart about their parents, and nothing else.
 
 use crate::node::Bounds;
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use glam::Vec4;
+
+/// The whole tree.
+pub(crate) struct BinaryTree {
+    pub(crate) nodes: Vec<BinaryNode>,
+    pub(crate) parents: Parents,
+}
+
+/// Where the parent of each pair stands.
+pub(crate) struct Parents(Vec<AtomicU32>);
+
+impl Parents {
+    /// None known.
+    pub(crate) fn new(pairs: usize) -> Self {
+        Self((0..pairs).map(|_| AtomicU32::new(0)).collect())
+    }
+
+    /// Tells the children of a node that it stands at `place`.
+    #[inline(always)]
+    pub(crate) fn link_children(&self, node: &BinaryNode, place: u32) {
+        if let Some(pair) = node.pair() {
+            self.0[pair as usize].store(place, Relaxed);
+        }
+    }
+}
 
 /// The box of a node with its links in the fourth lanes.
 #[derive(Clone, Copy, Debug)]
@@ -13,7 +39,7 @@ use glam::Vec4;
 pub(crate) struct BinaryNode {
     /// Minima; the pair of children, or flagged the primitive.
     low: Vec4,
-    /// Maxima; in the left node of a pair the parent's pair, flagged when it is the right one of that.
+    /// Maxima; how many leaves are below, roughly once subtrees have been moved.
     high: Vec4,
 }
 
@@ -32,7 +58,7 @@ impl BinaryNode {
 
     pub(crate) fn leaf(bounds: &Bounds, primitive: u32) -> Self {
         let ([a, b, c], [d, e, f]) = (bounds.min, bounds.max);
-        Self { low: Vec4::new(a, b, c, link(primitive, true)), high: Vec4::new(d, e, f, link(0, false)) }
+        Self { low: Vec4::new(a, b, c, link(primitive, true)), high: Vec4::new(d, e, f, link(1, false)) }
     }
 
     /// The leaf of a triangle.
@@ -40,14 +66,16 @@ impl BinaryNode {
     pub(crate) fn of_triangle(triangle: &[[f32; 3]; 3], primitive: u32) -> Self {
         let [a, b, c] = triangle.map(|[x, y, z]| Vec4::new(x, y, z, 0.0));
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        Self { low: low.with_w(link(primitive, true)), high: high.with_w(link(0, false)) }
+        Self { low: low.with_w(link(primitive, true)), high: high.with_w(link(1, false)) }
     }
 
     /// The parent of two nodes that stand at `pair`.
     #[inline(always)]
     pub(crate) fn parent_of(left: &Self, right: &Self, pair: u32) -> Self {
         let (low, high) = left.union(right);
-        Self { low: low.with_w(link(pair, false)), high: high.with_w(link(0, false)) }
+        // Saturated so that it stays a number: after moves the sum may count leaves twice.
+        let leaves = (left.leaves() + right.leaves()).min(NORMAL - 1);
+        Self { low: low.with_w(link(pair, false)), high: high.with_w(link(leaves, false)) }
     }
 
     /// The pair of children; `None`: a leaf.
@@ -63,14 +91,22 @@ impl BinaryNode {
         self.low.w.to_bits() & !(FLAG | NORMAL)
     }
 
-    /// Gives it another box.
-    pub(crate) fn set_bounds(&mut self, bounds: &Bounds) {
-        let fresh = Self::leaf(bounds, 0);
-        (self.low, self.high) = (fresh.low.with_w(self.low.w), fresh.high.with_w(self.high.w));
+    /// Leaves below, itself included; once subtrees have been moved only roughly so, or even 0: good for sharing out work.
+    #[inline(always)]
+    pub(crate) fn leaves(&self) -> u32 {
+        self.high.w.to_bits() & !(FLAG | NORMAL)
     }
 
     pub(crate) fn bounds(&self) -> Bounds {
         Bounds { min: self.low.truncate().into(), max: self.high.truncate().into() }
+    }
+
+    /// Minima and maxima.
+    #[inline(always)]
+    pub(crate) fn corners(&self) -> ([f32; 3], [f32; 3]) {
+        // Spelled out: a conversion would be a call of its own, outside of the instruction set chosen.
+        let (low, high) = (self.low, self.high);
+        ([low.x, low.y, low.z], [high.x, high.y, high.z])
     }
 
     /// Twice the centre.
@@ -105,48 +141,80 @@ impl BinaryNode {
     }
 }
 
+/// Leaves of subtrees that are worth [`warm`]ing: all of one stays in the second cache.
+pub(crate) const WARM: u32 = 2048;
+
+/// Reads the nodes of a subtree, the first few thousand, level by level: who then goes down into it one node after the other, each
+/// telling where the next is, need not wait for memory at each step. Here nothing waits for anything: reads are independent of each other, and
+/// no branch depends on them.
+pub(crate) fn warm(nodes: &[BinaryNode], root: u32) {
+    let most = 2 * nodes[root as usize].leaves().min(WARM) as usize;
+    let mut places = vec![0u32; most + 2];
+    places[0] = root;
+    let (mut next, mut count) = (0, 1);
+    while next < count && count <= most {
+        let bits = nodes[places[next] as usize].low.w.to_bits();
+        let first = (bits & !(FLAG | NORMAL)) << 1;
+        (places[count], places[count + 1]) = (first, first + 1);
+        count += if bits & FLAG == 0 { 2 } else { 0 };
+        next += 1;
+    }
+    core::hint::black_box(count);
+}
+
 #[inline(always)]
 fn half_area(low: Vec4, high: Vec4) -> f32 {
     let d = high - low;
     (d.x + d.y) * d.z + d.x * d.y
 }
 
-/// Where the parent of `place` stands.
-#[inline(always)]
-pub(crate) fn parent(nodes: &[BinaryNode], place: u32) -> u32 {
-    let bits = nodes[(place & !1) as usize].high.w.to_bits();
-    (bits & !(FLAG | NORMAL)) << 1 | bits >> 31
-}
-
-/// Tells the children of the node at `place` where it stands.
-#[inline(always)]
-pub(crate) fn link_children(nodes: &mut [BinaryNode], place: u32) {
-    if let Some(pair) = nodes[place as usize].pair() {
-        nodes[2 * pair as usize].high.w = link(place >> 1, place & 1 != 0);
+impl BinaryTree {
+    /// Where the parent of `place` stands.
+    #[inline(always)]
+    pub(crate) fn parent(&self, place: u32) -> u32 {
+        self.parents.0[(place >> 1) as usize].load(Relaxed)
     }
-}
 
-/// Puts what a node is at `place`, and tells its children.
-#[inline(always)]
-pub(crate) fn put(nodes: &mut [BinaryNode], place: u32, node: &BinaryNode) {
-    let to = &mut nodes[place as usize];
-    // The link to the parent is the place's, not the node's.
-    *to = BinaryNode { low: node.low, high: node.high.with_w(to.high.w) };
-    link_children(nodes, place);
-}
+    /// Puts a node at `place`, and tells its children.
+    #[inline(always)]
+    pub(crate) fn put(&mut self, place: u32, node: &BinaryNode) {
+        self.nodes[place as usize] = *node;
+        self.parents.link_children(node, place);
+    }
 
-/// Makes the boxes from `place` upwards those of their children again, as far as they change.
-pub(crate) fn refit(nodes: &mut [BinaryNode], mut place: u32) {
-    while let Some(pair) = nodes[place as usize].pair() {
-        let (low, high) = nodes[2 * pair as usize].union(&nodes[2 * pair as usize + 1]);
-        let node = &mut nodes[place as usize];
-        let fresh = BinaryNode { low: low.with_w(node.low.w), high: high.with_w(node.high.w) };
-        let same = node.low.truncate() == low.truncate() && node.high.truncate() == high.truncate();
-        *node = fresh;
-        if same || place == 0 {
-            return;
+    /// Makes the boxes from `place` upwards those of their children again, as far as they change.
+    pub(crate) fn refit(&mut self, mut place: u32) {
+        while let Some(pair) = self.nodes[place as usize].pair() {
+            let (low, high) = self.nodes[2 * pair as usize].union(&self.nodes[2 * pair as usize + 1]);
+            let node = &mut self.nodes[place as usize];
+            let fresh = BinaryNode { low: low.with_w(node.low.w), high: high.with_w(node.high.w) };
+            let same = node.low.truncate() == low.truncate() && node.high.truncate() == high.truncate();
+            *node = fresh;
+            if same || place == 0 {
+                return;
+            }
+            place = self.parent(place);
         }
-        place = parent(nodes, place);
+    }
+
+    /// Gives leaves other boxes, by their primitives, and all else the boxes that enclose those.
+    pub(crate) fn set_bounds(&mut self, bounds: impl Fn(u32) -> Bounds) {
+        let mut inner = Vec::new();
+        let mut open = if self.nodes.is_empty() { Vec::new() } else { vec![0u32] };
+        while let Some(place) = open.pop() {
+            let node = &mut self.nodes[place as usize];
+            if let Some(pair) = node.pair() {
+                inner.push((place, pair));
+                open.extend([2 * pair, 2 * pair + 1]);
+            } else {
+                *node = BinaryNode::leaf(&bounds(node.primitive()), node.primitive());
+            }
+        }
+        // Children come after their parents there.
+        for (place, pair) in inner.into_iter().rev() {
+            let [left, right] = [2 * pair, 2 * pair + 1].map(|child| &self.nodes[child as usize]);
+            self.nodes[place as usize] = BinaryNode::parent_of(left, right, pair);
+        }
     }
 }
 
@@ -198,7 +266,8 @@ pub(crate) mod tests {
 
     /// Every place is reached once and knows its parent, every inner box is that of its children, every primitive is there;
     /// how many they are.
-    pub(crate) fn assert_whole(nodes: &[BinaryNode]) -> u32 {
+    pub(crate) fn assert_whole(tree: &BinaryTree) -> u32 {
+        let nodes = &tree.nodes[..];
         let mut primitives = Vec::new();
         let mut reached = vec![false; nodes.len()];
         let mut open: Vec<usize> = if nodes.is_empty() { Vec::new() } else { vec![0] };
@@ -211,7 +280,7 @@ pub(crate) mod tests {
             let children = [2 * pair as usize, 2 * pair as usize + 1];
             let [left, right] = children.map(|child| nodes[child].bounds());
             assert_eq!(nodes[place].bounds(), left.union(&right));
-            assert!(children.iter().all(|&child| parent(nodes, child as u32) as usize == place));
+            assert!(children.iter().all(|&child| tree.parent(child as u32) as usize == place));
             open.extend(children);
         }
         assert!(reached.iter().enumerate().all(|(place, reached)| *reached != (place == 1)));

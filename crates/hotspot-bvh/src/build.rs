@@ -4,7 +4,7 @@
 //! Boxes are minima and maxima of coordinates all the way, hence exact. Where coordinates are so large that areas would
 //! overflow, or the tree is a shuffled one, the first two see scaled and turned boxes and only decide the topology.
 
-use crate::binary::BinaryNode;
+use crate::binary::{BinaryNode, BinaryTree};
 use crate::collapse::{Primitives, WideTree, collapse};
 use crate::instance::{Instance, Placed};
 use crate::node::{Bounds, Child};
@@ -39,7 +39,7 @@ impl Quality {
     }
 
     /// The binary tree over `count` leaves, which `leaf` makes, more than once.
-    fn binary_tree(self, count: usize, leaf: impl Fn(u32) -> BinaryNode + Sync + Send) -> Vec<BinaryNode> {
+    fn binary_tree(self, count: usize, leaf: impl Fn(u32) -> BinaryNode + Sync + Send) -> BinaryTree {
         // How far nodes search for a neighbour to merge with, and the share of nodes that are moved to a better place in
         // the first round.
         let (distance, reinserted) = match self {
@@ -50,9 +50,9 @@ impl Quality {
         };
         // Small trees, which are built in no time, are bettered as far as can be.
         let share = f32::max(reinserted, SMALL / count as f32);
-        let mut nodes = ploc::build(count, leaf, distance);
-        reinsertion::optimize(&mut nodes, share.min(1.0));
-        nodes
+        let mut tree = ploc::build(count, leaf, distance);
+        reinsertion::optimize(&mut tree, share.min(1.0));
+        tree
     }
 }
 
@@ -166,13 +166,12 @@ fn wide_tree(
         Some(triangle) => Bounds::of_points(triangle),
         None => instances[primitive as usize - triangles.len()],
     };
-    let mut nodes;
-    if largest <= SAFE_COORDINATE && options.shuffle.is_none() {
+    let tree = if largest <= SAFE_COORDINATE && options.shuffle.is_none() {
         let leaf = |i: u32| match triangles.get(i as usize) {
             Some(triangle) => BinaryNode::of_triangle(triangle, i),
             None => BinaryNode::leaf(&bounds(i), i),
         };
-        nodes = options.quality.binary_tree(count, leaf);
+        options.quality.binary_tree(count, leaf)
     } else {
         // A power of two, so that scaling does not round.
         let mut scale = 1.0f32;
@@ -190,10 +189,10 @@ fn wide_tree(
             };
             BinaryNode::leaf(&bounds.scaled(scale), primitive)
         };
-        nodes = options.quality.binary_tree(count, leaf);
-        for node in nodes.iter_mut().filter(|node| node.pair().is_none()) {
-            node.set_bounds(&bounds(node.primitive()));
-        }
-    }
-    collapse(&nodes, Primitives { triangles })
+        let mut tree = options.quality.binary_tree(count, leaf);
+        tree.set_bounds(bounds);
+        tree
+    };
+    // Only the nodes are wanted from here on.
+    collapse(&tree.nodes, Primitives { triangles })
 }

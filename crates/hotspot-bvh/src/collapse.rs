@@ -1,10 +1,11 @@
 //! Turns a binary tree with one triangle per leaf into the 8-wide tree that [`crate::plan`] found to be the cheapest.
 
-use crate::binary::BinaryNode;
+use crate::binary::{BinaryNode, WARM, warm};
 use crate::node::{Bounds, Child, Node};
-use crate::plan::{Place, Plans, WIDTH, plan};
+use crate::plan::{Plans, WIDTH, part_size, plan};
 use crate::triangle::{Block, LANES, NO_PRIMITIVE};
 use crate::{huge, tasks};
+use rayon::prelude::*;
 
 /// The wide tree.
 #[derive(Default)]
@@ -49,6 +50,9 @@ impl WideTree {
     }
 }
 
+/// Nodes or blocks that are worth a task of their own: each is hundreds of bytes.
+const HEAVY: usize = 64;
+
 /// What the leaves of a binary tree hold: primitive i is triangle i, or beyond those an instance.
 #[derive(Clone, Copy)]
 pub(crate) struct Primitives<'a> {
@@ -73,77 +77,173 @@ pub(crate) fn collapse(nodes: &[BinaryNode], primitives: Primitives<'_>) -> Wide
         return WideTree { nodes: Vec::new(), blocks: Vec::new(), root: Child::EMPTY, bounds: Bounds::EMPTY };
     }
     let plans = plan(nodes, primitives.triangles.len() as u32);
-    Emitter { primitives, plans: &plans }.run()
+    Emitter { primitives, nodes, plans: &plans }.run()
 }
 
 /// A wide node to be.
 struct Shape {
+    /// Nodes and blocks are numbered within the run.
     children: [Child; WIDTH],
     /// What the occupied slots are made of.
-    places: Places,
+    places: [u32; WIDTH],
 }
 
-/// Up to eight places in the plan.
+/// Up to eight places in the binary tree.
 #[derive(Clone, Copy, Default)]
 struct Places {
-    places: [Place; WIDTH],
+    places: [u32; WIDTH],
     count: usize,
 }
 
 impl Places {
-    fn push(&mut self, place: Place) {
+    fn push(&mut self, place: u32) {
         self.places[self.count] = place;
         self.count += 1;
     }
 
-    fn iter(&self) -> impl Iterator<Item = Place> {
+    fn iter(&self) -> impl Iterator<Item = u32> {
         self.places[..self.count].iter().copied()
     }
 }
 
+/// Nodes and blocks that follow each other in the wide tree.
+#[derive(Default)]
+struct Run {
+    shapes: Vec<Shape>,
+    /// Triangles of blocks. Listed before any is read: more of those that are far away are then waited for at once.
+    leaves: Vec<[u32; LANES]>,
+    /// Where what is still to be made of this run begins; it is nothing else then.
+    root: Option<u32>,
+}
+
+/// A slot of a node to be.
+#[derive(Clone, Copy)]
+struct Slot {
+    run: usize,
+    index: usize,
+    slot: usize,
+}
+
+/// A slot that holds the first node of another run.
+struct Bridge {
+    from: Slot,
+    to: usize,
+}
+
 struct Emitter<'a> {
     primitives: Primitives<'a>,
+    nodes: &'a [BinaryNode],
     plans: &'a Plans,
 }
 
 impl Emitter<'_> {
     /// First what there will be, then all of it into memory of the right size: nodes depth first, so that a subtree lies together.
+    /// Subtrees of some size are runs of their own, made side by side, and what lies between them are others.
     fn run(self) -> WideTree {
-        let root = self.plans.root();
-        let bounds = self.plans.at(root).bounds;
-        let (mut shapes, mut leaves) = (Vec::<Shape>::new(), Vec::new());
-        let root = if self.plans.at(root).plan.is_leaf() {
-            self.leaf(root, &mut leaves)
+        let root = &self.nodes[0];
+        let bounds = root.bounds();
+        let part = part_size(self.nodes);
+        // What is only the top, is small.
+        let first = if part < u32::MAX { Run::default() } else { self.room(0) };
+        let (mut runs, mut bridges) = (vec![first], Vec::new());
+        let root = if self.plans.of(root).is_leaf() {
+            self.leaf(0, &mut runs[0].leaves)
         } else {
-            // What to make, its parent and slot.
-            let mut pending = vec![(root, None)];
-            while let Some((place, parent)) = pending.pop() {
-                let index = shapes.len() as u32;
-                if let Some((parent, slot)) = parent {
-                    let parent: &mut Shape = &mut shapes[parent as usize];
-                    parent.children[slot as usize] = Child::node(index);
-                }
-                let (places, blocks) = self.sorted(&self.forest(place));
-                let mut children = [Child::EMPTY; WIDTH];
-                for (child, place) in children.iter_mut().zip(places.iter()) {
-                    if self.plans.at(place).plan.is_leaf() {
-                        *child = self.leaf(place, &mut leaves);
-                    }
-                }
-                for slot in (blocks..places.count).rev() {
-                    let place = places.places[slot];
-                    if !self.plans.at(place).plan.is_leaf() {
-                        pending.push((place, Some((index, slot as u32))));
-                    }
-                }
-                shapes.push(Shape { children, places });
-            }
+            self.subtree(0, part, &mut runs, &mut bridges);
             Child::node(0)
         };
-        let mut tree = WideTree { root, bounds, ..WideTree::with_capacity(shapes.len(), leaves.len()) };
-        tasks::map_into(&mut tree.nodes, &shapes, |shape| self.node(shape));
-        tasks::map_into(&mut tree.blocks, &leaves, |primitives| self.primitives.block(primitives));
+        if runs.len() > 1 {
+            runs.par_iter_mut().with_max_len(1).for_each(|run| {
+                if let Some(root) = run.root.take() {
+                    let mut own = vec![self.room(root)];
+                    self.subtree(root, u32::MAX, &mut own, &mut Vec::new());
+                    *run = own.swap_remove(0);
+                }
+            });
+        }
+        let starts = |length: fn(&Run) -> usize| {
+            let ends = runs.iter().scan(0, |sum, run| {
+                *sum += length(run);
+                Some(*sum)
+            });
+            core::iter::once(0).chain(ends).collect::<Vec<_>>()
+        };
+        let (nodes, blocks) = (starts(|run| run.shapes.len()), starts(|run| run.leaves.len()));
+        for Bridge { from, to } in bridges {
+            // What follows comes later, so the difference is not negative.
+            let child = Child::node((nodes[to] - nodes[from.run]) as u32);
+            runs[from.run].shapes[from.index].children[from.slot] = child;
+        }
+        let last = runs.len();
+        let mut tree = WideTree { root, bounds, ..WideTree::with_capacity(nodes[last], blocks[last]) };
+        tasks::flatten_into(&mut tree.nodes, &nodes, HEAVY, |run, index| {
+            let mut node = self.node(&runs[run].shapes[index]);
+            node.children = node.children.map(|child| child.moved(nodes[run] as u32, blocks[run] as u32));
+            node
+        });
+        tasks::flatten_into(&mut tree.blocks, &blocks, HEAVY, |run, index| {
+            self.primitives.block(&runs[run].leaves[index])
+        });
         tree
+    }
+
+    /// A run with room for what is below `place`, as it mostly is.
+    fn room(&self, place: u32) -> Run {
+        let leaves = (self.nodes[place as usize].leaves() as usize).min(self.nodes.len() / 2);
+        Run {
+            shapes: huge::with_capacity(leaves / 16 + 1),
+            leaves: huge::with_capacity(leaves / 4 + 1),
+            root: None,
+        }
+    }
+
+    /// Makes the nodes of the wide subtree at `root`, depth first, at the end of the last run. Subtrees of up to `part` leaves
+    /// become runs that are still to be made.
+    fn subtree(&self, root: u32, part: u32, runs: &mut Vec<Run>, bridges: &mut Vec<Bridge>) {
+        // What to make, and the slot that leads there.
+        let mut pending: Vec<(u32, Option<Slot>)> = vec![(root, None)];
+        // How much is pending where a subtree has been warmed; less: it is done.
+        let mut warmed = usize::MAX;
+        while let Some((place, from)) = pending.pop() {
+            let small = part < u32::MAX && self.nodes[place as usize].leaves() <= part;
+            let mut last = runs.len() - 1;
+            if small || runs[last].root.is_some() {
+                runs.push(Run { root: small.then_some(place), ..Run::default() });
+                last += 1;
+            }
+            let run = &mut runs[last];
+            let index = run.shapes.len();
+            match from {
+                Some(from) if from.run == last => {
+                    run.shapes[from.index].children[from.slot] = Child::node(index as u32);
+                }
+                Some(from) => bridges.push(Bridge { from, to: last }),
+                None => {}
+            }
+            if small {
+                continue;
+            }
+            if pending.len() < warmed {
+                warmed = usize::MAX;
+                if self.nodes[place as usize].leaves() <= WARM {
+                    warmed = pending.len();
+                    warm(self.nodes, place);
+                }
+            }
+            let (places, blocks) = self.sorted(&self.forest(place));
+            let mut children = [Child::EMPTY; WIDTH];
+            for (child, place) in children.iter_mut().zip(places.iter()) {
+                if self.plans.of(&self.nodes[place as usize]).is_leaf() {
+                    *child = self.leaf(place, &mut run.leaves);
+                }
+            }
+            for slot in (blocks..places.count).rev() {
+                if children[slot] == Child::EMPTY {
+                    pending.push((places.places[slot], Some(Slot { run: last, index, slot })));
+                }
+            }
+            run.shapes.push(Shape { children, places: places.places });
+        }
     }
 
     /// Blocks first, and how many they are: any-hit queries try them before they descend. Then by area, largest first.
@@ -154,12 +254,13 @@ impl Emitter<'_> {
         for wants_blocks in [true, false] {
             let start = sorted.count;
             for place in roots.iter() {
-                let is_block = self.plans.at(place).plan.is_leaf() && self.instance(place).is_none();
+                let node = &self.nodes[place as usize];
+                let is_block = self.plans.of(node).is_leaf() && self.instance(node).is_none();
                 if is_block != wants_blocks {
                     continue;
                 }
                 // Insertion, equals in the order of their coming.
-                let area = self.plans.at(place).bounds.half_area();
+                let area = node.bounds().half_area();
                 let mut slot = sorted.count;
                 sorted.push(place);
                 while slot > start && areas[slot - 1] < area {
@@ -176,7 +277,7 @@ impl Emitter<'_> {
     }
 
     /// The binary nodes that become the children of the wide node made of `place`, from left to right.
-    fn forest(&self, place: Place) -> Places {
+    fn forest(&self, place: u32) -> Places {
         let mut roots = Places::default();
         // (place, wide subtrees that it may become, whether it must be split); what waits shares out eight subtrees.
         let mut stack = [(place, WIDTH, true); WIDTH];
@@ -184,31 +285,34 @@ impl Emitter<'_> {
         while waiting > 0 {
             waiting -= 1;
             let (place, mut count, must_split) = stack[waiting];
-            let planned = self.plans.at(place);
-            if planned.primitive().is_some() || (!must_split && planned.plan.single(count)) {
+            let Some(pair) = self.nodes[place as usize].pair() else {
+                roots.push(place);
+                continue;
+            };
+            let plan = self.plans.of_pair(pair);
+            if !must_split && plan.single(count) {
                 roots.push(place);
                 continue;
             }
-            while planned.plan.left(count) == 0 {
+            while plan.left(count) == 0 {
                 count -= 1;
             }
-            let left = planned.plan.left(count);
-            let children = self.plans.children(place);
-            stack[waiting] = (children[1], count - left, false);
-            stack[waiting + 1] = (children[0], left, false);
+            let left = plan.left(count);
+            stack[waiting] = (2 * pair + 1, count - left, false);
+            stack[waiting + 1] = (2 * pair, left, false);
             waiting += 2;
         }
         roots
     }
 
-    /// The instance that a place is, if it is one.
-    fn instance(&self, place: Place) -> Option<u32> {
-        self.primitives.instance(self.plans.at(place).primitive()?)
+    /// The instance that a node is, if it is one.
+    fn instance(&self, node: &BinaryNode) -> Option<u32> {
+        if node.pair().is_some() { None } else { self.primitives.instance(node.primitive()) }
     }
 
     /// An instance, or the next block.
-    fn leaf(&self, place: Place, blocks: &mut Vec<[u32; LANES]>) -> Child {
-        if let Some(instance) = self.instance(place) {
+    fn leaf(&self, place: u32, blocks: &mut Vec<[u32; LANES]>) -> Child {
+        if let Some(instance) = self.instance(&self.nodes[place as usize]) {
             return Child::instance(instance);
         }
         blocks.push(self.block(place));
@@ -217,8 +321,11 @@ impl Emitter<'_> {
 
     fn node(&self, shape: &Shape) -> Node {
         let mut node = Node { children: shape.children, ..Node::EMPTY };
-        for (slot, place) in shape.places.iter().enumerate() {
-            let b = self.plans.at(place).bounds;
+        for (slot, child) in shape.children.iter().enumerate() {
+            if *child == Child::EMPTY {
+                break;
+            }
+            let b = self.nodes[shape.places[slot] as usize].bounds();
             for axis in 0..3 {
                 node.bounds[axis][0].0[slot] = b.min[axis];
                 node.bounds[axis][1].0[slot] = b.max[axis];
@@ -228,21 +335,20 @@ impl Emitter<'_> {
     }
 
     /// The triangles below a place, from left to right.
-    fn block(&self, place: Place) -> [u32; LANES] {
+    fn block(&self, place: u32) -> [u32; LANES] {
         let mut primitives = [NO_PRIMITIVE; LANES];
         let mut count = 0;
         let mut stack = [place; LANES];
         let mut waiting = 1;
         while waiting > 0 {
             waiting -= 1;
-            let place = stack[waiting];
-            if let Some(primitive) = self.plans.at(place).primitive() {
-                primitives[count] = primitive;
-                count += 1;
-            } else {
-                let [left, right] = self.plans.children(place);
-                (stack[waiting], stack[waiting + 1]) = (right, left);
+            let node = &self.nodes[stack[waiting] as usize];
+            if let Some(pair) = node.pair() {
+                (stack[waiting], stack[waiting + 1]) = (2 * pair + 1, 2 * pair);
                 waiting += 2;
+            } else {
+                primitives[count] = node.primitive();
+                count += 1;
             }
         }
         primitives

@@ -12,26 +12,23 @@ const WORTHWHILE: usize = 4 << 20;
 
 /// As [`Vec::with_capacity`].
 pub(crate) fn with_capacity<T>(count: usize) -> Vec<T> {
-    let vec = Vec::with_capacity(count);
+    advised(Vec::with_capacity(count))
+}
+
+/// Asks for large pages for what a vector holds or will hold, where nothing has touched it yet.
+pub(crate) fn advised<T>(vec: Vec<T>) -> Vec<T> {
     #[cfg(target_os = "linux")]
-    if count.saturating_mul(size_of::<T>()) >= WORTHWHILE {
+    if vec.capacity().saturating_mul(size_of::<T>()) >= WORTHWHILE {
         // Where pages are larger and the range does not begin on one, the system refuses, which is as good as no request.
         const PAGE: usize = 4096;
         let start = (vec.as_ptr() as usize).next_multiple_of(PAGE);
-        let end = (vec.as_ptr() as usize + count * size_of::<T>()) / PAGE * PAGE;
+        let end = (vec.as_ptr() as usize + vec.capacity() * size_of::<T>()) / PAGE * PAGE;
         // SAFETY: the range lies within an allocation of ours, and the advice changes neither its contents nor what may be
         // done with it. Whether it is taken does not matter.
         unsafe {
             libc::madvise(start as *mut libc::c_void, end - start, libc::MADV_HUGEPAGE);
         }
     }
-    vec
-}
-
-/// As `vec![value; count]`.
-pub(crate) fn filled<T: Copy>(value: T, count: usize) -> Vec<T> {
-    let mut vec = with_capacity(count);
-    vec.resize(count, value);
     vec
 }
 

@@ -25,9 +25,11 @@
 mod binary;
 mod build;
 mod collapse;
+mod curve;
 mod filter;
 mod huge;
 mod instance;
+mod neighbours;
 mod node;
 mod obvhs;
 pub mod oracle;

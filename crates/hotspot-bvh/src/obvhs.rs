@@ -3,7 +3,7 @@
 //! It is built without its `parallel` feature: its parallel sorts are unstable, and the tree must not depend on the number of
 //! threads.
 
-use crate::binary::{BinaryNode, put};
+use crate::binary::{BinaryNode, BinaryTree, Parents};
 use glam::Vec3A;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
@@ -11,9 +11,9 @@ use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::PlocBuilder;
 
 /// The tree over `count` leaves, which `leaf` makes.
-pub(crate) fn build(count: usize, leaf: impl Fn(u32) -> BinaryNode) -> Vec<BinaryNode> {
+pub(crate) fn build(count: usize, leaf: impl Fn(u32) -> BinaryNode) -> BinaryTree {
     if count == 0 {
-        return Vec::new();
+        return BinaryTree { nodes: Vec::new(), parents: Parents::new(0) };
     }
     let boxes: Vec<Aabb> = (0..count as u32)
         .map(|index| {
@@ -32,14 +32,14 @@ pub(crate) fn build(count: usize, leaf: impl Fn(u32) -> BinaryNode) -> Vec<Binar
     // One triangle per leaf, no collapse: ours wants all the freedom it can get. The second reinsertion of their preset
     // follows their own collapse; its share is added to the first.
     ReinsertionOptimizer::default().run(&mut theirs, parameters.reinsertion_batch_ratio, None);
-    let mut nodes = vec![BinaryNode::EMPTY; 2 * count];
+    let mut tree = BinaryTree { nodes: vec![BinaryNode::EMPTY; 2 * count], parents: Parents::new(count) };
     let mut inner = Vec::with_capacity(count);
     let mut open = vec![(0, 0)];
     let mut pair = 0;
     while let Some((index, place)) = open.pop() {
         let node = &theirs.nodes[index as usize];
         if node.prim_count > 0 {
-            nodes[place as usize] = leaf(theirs.primitive_indices[node.first_index as usize]);
+            tree.nodes[place as usize] = leaf(theirs.primitive_indices[node.first_index as usize]);
             continue;
         }
         pair += 1;
@@ -49,10 +49,10 @@ pub(crate) fn build(count: usize, leaf: impl Fn(u32) -> BinaryNode) -> Vec<Binar
     // Children come after their parents there.
     for (place, pair) in inner.into_iter().rev() {
         let children = 2 * pair as usize;
-        let node = BinaryNode::parent_of(&nodes[children], &nodes[children + 1], pair);
-        put(&mut nodes, place, &node);
+        let node = BinaryNode::parent_of(&tree.nodes[children], &tree.nodes[children + 1], pair);
+        tree.put(place, &node);
     }
-    nodes
+    tree
 }
 
 #[cfg(test)]
@@ -66,6 +66,6 @@ mod tests {
             let leaves = Boxes::new(count as u64).leaves(count, 0.1);
             assert_eq!(assert_whole(&build(count, |i| leaves[i as usize])), count as u32);
         }
-        assert!(build(0, |_| BinaryNode::EMPTY).is_empty());
+        assert!(build(0, |_| BinaryNode::EMPTY).nodes.is_empty());
     }
 }

@@ -6,11 +6,12 @@
 //! forest of at most 8. Costs are surface areas times [`NODE_COST`] or [`BLOCK_COST`]: a block costs the same however
 //! full it is, since its lanes are tested at once. An instance is a leaf of its own.
 
-use crate::binary::BinaryNode;
+use crate::binary::{BinaryNode, WARM, warm};
 use crate::node::Bounds;
+use crate::tasks;
 use crate::triangle::LANES;
-use crate::{huge, tasks};
 use core::hint::select_unpredictable;
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use rayon::prelude::*;
 
 /// Relative cost of visiting a node.
@@ -30,7 +31,6 @@ pub(crate) struct Plan(u32);
 
 impl Plan {
     const LEAF: u32 = 1 << 31;
-    const LEFTS: u32 = (1 << 28) - 1;
 
     pub(crate) fn left(self, count: usize) -> usize {
         (self.0 >> (4 * (count - 2)) & 15) as usize
@@ -45,68 +45,25 @@ impl Plan {
     }
 }
 
-/// A binary node with what was decided about it. In the order of their turns, children before parents and left subtrees before
-/// right ones: the right child is the one before its parent, the left one before all of the right subtree.
-#[derive(Clone, Copy)]
-#[repr(C, align(32))]
-pub(crate) struct Planned {
-    pub(crate) bounds: Bounds,
-    pub(crate) plan: Plan,
-    /// Of a leaf of the binary tree the primitive, otherwise how many nodes the subtree has, this one included.
-    link: u32,
-}
-
-impl Planned {
-    /// The primitive of a leaf of the binary tree.
-    pub(crate) fn primitive(&self) -> Option<u32> {
-        // Two subtrees are always one and one.
-        (self.plan.0 & Plan::LEFTS == 0).then_some(self.link)
-    }
-
-    fn length(&self) -> u32 {
-        if self.primitive().is_some() { 1 } else { self.link }
-    }
-}
-
-/// Where a planned node stands.
-#[derive(Clone, Copy, Default)]
-pub(crate) struct Place {
-    segment: u32,
-    index: u32,
-}
-
-/// The whole tree, planned: its top, and subtrees that were planned side by side.
-pub(crate) struct Plans {
-    /// The top is the last; the roots of the others stand in it like leaves, with the segment for a primitive.
-    segments: Vec<Vec<Planned>>,
-}
+/// What was decided about each inner node, by its pair of children. Subtrees are planned side by side, each setting its own.
+pub(crate) struct Plans(Vec<AtomicU32>);
 
 impl Plans {
-    pub(crate) fn root(&self) -> Place {
-        let top = self.segments.len() as u32 - 1;
-        self.resolved(Place { segment: top, index: self.segments[top as usize].len() as u32 - 1 })
+    /// That of the inner node whose children are `pair`.
+    #[inline(always)]
+    pub(crate) fn of_pair(&self, pair: u32) -> Plan {
+        Plan(self.0[pair as usize].load(Relaxed))
     }
 
-    pub(crate) fn at(&self, place: Place) -> &Planned {
-        &self.segments[place.segment as usize][place.index as usize]
+    /// That of any node.
+    #[inline(always)]
+    pub(crate) fn of(&self, node: &BinaryNode) -> Plan {
+        node.pair().map_or(Plan(Plan::LEAF | 7 << 28), |pair| self.of_pair(pair))
     }
 
-    /// The children of a node that is no leaf.
-    pub(crate) fn children(&self, place: Place) -> [Place; 2] {
-        let right = Place { index: place.index - 1, ..place };
-        let left = Place { index: right.index - self.at(right).length(), ..place };
-        [self.resolved(left), self.resolved(right)]
-    }
-
-    /// The root of the segment that a node of the top stands for.
-    fn resolved(&self, place: Place) -> Place {
-        if place.segment as usize + 1 == self.segments.len()
-            && self.segments.len() > 1
-            && let Some(segment) = self.at(place).primitive()
-        {
-            return Place { segment, index: self.segments[segment as usize].len() as u32 - 1 };
-        }
-        place
+    #[inline(always)]
+    fn set(&self, pair: u32, plan: Plan) {
+        self.0[pair as usize].store(plan.0, Relaxed);
     }
 }
 
@@ -122,108 +79,108 @@ struct Waiting {
     most: u32,
 }
 
-/// Subtrees that are planned side by side, at least, where there is a pool to share them.
-const SEGMENTS: usize = 64;
+/// Parts of the tree that are worked on side by side, about, where there is a pool to share them.
+const PARTS: u32 = 128;
+/// Leaves of a part, at least.
+const SMALLEST: u32 = 256;
+
+/// Leaves below a node up to which it is better not to split the work on it; everything, where it is not to be shared.
+pub(crate) fn part_size(nodes: &[BinaryNode]) -> u32 {
+    let leaves = nodes.len() as u32 / 2;
+    if tasks::worthwhile(leaves as usize) { (leaves / PARTS).max(SMALLEST) } else { u32::MAX }
+}
 
 /// Plans the binary tree `nodes`, which is not empty; primitives from `triangles` on are instances.
 pub(crate) fn plan(nodes: &[BinaryNode], triangles: u32) -> Plans {
-    let roots = if tasks::worthwhile(nodes.len() / 2) { level(nodes) } else { Vec::new() };
-    let mut parts: Vec<(Vec<Planned>, Waiting)> = Vec::new();
-    parts.par_extend(roots.par_iter().with_max_len(1).map(|&root| {
-        // As many as there would be if all were equal.
-        let mut planned = Vec::with_capacity(nodes.len() / roots.len());
-        let root = subtree(nodes, triangles, root, |_| None, &mut planned);
-        (planned, root)
-    }));
-    let mut top = huge::with_capacity(if roots.is_empty() { nodes.len() - 1 } else { 4 * roots.len() });
-    let known = |place| {
-        let part = roots.binary_search(&place).ok()?;
-        Some((part as u32, &parts[part].1))
-    };
-    subtree(nodes, triangles, 0, known, &mut top);
-    let mut segments: Vec<_> = parts.into_iter().map(|(planned, _)| planned).collect();
-    segments.push(top);
-    Plans { segments }
-}
-
-/// Places of at least [`SEGMENTS`] subtrees that are the whole tree, in their order; those on one level, leaves above it included.
-fn level(nodes: &[BinaryNode]) -> Vec<u32> {
-    let mut places = vec![0u32];
-    while places.len() < SEGMENTS {
-        let before = places.len();
-        let below = |&place: &u32| match nodes[place as usize].pair() {
-            Some(pair) => [Some(2 * pair), Some(2 * pair + 1)],
-            None => [Some(place), None],
-        };
-        places = places.iter().flat_map(below).flatten().collect();
-        if places.len() == before {
-            break;
+    let plans = Plans((0..nodes.len() / 2).map(|_| AtomicU32::new(0)).collect());
+    let limit = part_size(nodes);
+    // Places of the parts' roots.
+    let mut roots = Vec::new();
+    let mut open = vec![0];
+    while let Some(place) = open.pop() {
+        let node = &nodes[place as usize];
+        match node.pair().filter(|_| node.leaves() > limit) {
+            Some(pair) => open.extend([2 * pair, 2 * pair + 1]),
+            None => roots.push(place),
         }
     }
-    places.sort_unstable();
-    places
+    let part = |root| {
+        let small = |place: u32| {
+            (nodes[place as usize].leaves() <= WARM).then(|| {
+                warm(nodes, place);
+                subtree(nodes, triangles, place, |_| None, &plans)
+            })
+        };
+        subtree(nodes, triangles, root, small, &plans)
+    };
+    if let [root] = roots[..] {
+        part(root);
+        return plans;
+    }
+    // Where the small ones are as good as done by the time the last is begun: the largest first.
+    roots.sort_unstable_by_key(|&place| (!nodes[place as usize].leaves(), place));
+    let parts = roots.par_iter().with_max_len(1);
+    let mut parts: Vec<(u32, Waiting)> = parts.map(|&root| (root, part(root))).collect();
+    parts.sort_unstable_by_key(|(place, _)| *place);
+    let known = |place| {
+        let part = parts.binary_search_by_key(&place, |(place, _)| *place).ok()?;
+        Some(parts[part].1.clone())
+    };
+    subtree(nodes, triangles, 0, known, &plans);
+    plans
 }
 
 /// Plans the subtree at `root`, but for what is known already. Without recursion: hostile geometry makes deep trees.
-fn subtree<'a>(
+fn subtree(
     nodes: &[BinaryNode],
     triangles: u32,
     root: u32,
-    known: impl Fn(u32) -> Option<(u32, &'a Waiting)>,
-    planned: &mut Vec<Planned>,
+    known: impl Fn(u32) -> Option<Waiting>,
+    plans: &Plans,
 ) -> Waiting {
-    /// In place of a node: its children's turn is over, now it is the parent's.
-    const PARENT: u32 = u32::MAX;
+    /// In place of a node: the turn of this pair is over, now it is their parent's.
+    const PARENT: u32 = 1 << 31;
     let mut open = vec![root];
-    // Nodes whose parent's turn is still to come; the last two are the children of the next parent. With how long their
-    // subtrees are.
-    let mut waiting: Vec<(Waiting, u32)> = Vec::new();
+    // Nodes whose parent's turn is still to come; the last two are the children of the next parent.
+    let mut waiting: Vec<Waiting> = Vec::new();
     while let Some(place) = open.pop() {
-        if place == PARENT {
+        if place & PARENT != 0 {
             let count = waiting.len();
-            let [.., (l, length), (r, right_length)] = &mut waiting[..] else { break };
-            *length += *right_length + 1;
-            let plan = join(l, r);
-            planned.push(Planned { bounds: l.bounds, plan, link: *length });
+            let [.., l, r] = &mut waiting[..] else { break };
+            plans.set(place & !PARENT, join(l, r));
             waiting.truncate(count - 1);
-        } else if let Some((part, root)) = known(place) {
-            planned.push(Planned { bounds: root.bounds, plan: Plan(0), link: part });
-            waiting.push((root.clone(), 1));
+        } else if let Some(root) = known(place) {
+            waiting.push(root);
         } else if let Some(pair) = nodes[place as usize].pair() {
             let children = [2 * pair, 2 * pair + 1];
             let leaves = children.iter().all(|&child| nodes[child as usize].pair().is_none());
-            if leaves && children.iter().all(|&child| known(child).is_none()) {
+            if leaves {
                 // Most leaves stand in such pairs, and there is little to decide.
-                let [(left, mut l), (right, r)] =
-                    children.map(|child| leaf(&nodes[child as usize], triangles));
-                let plan = join(&mut l, &r);
-                planned.extend([left, right, Planned { bounds: l.bounds, plan, link: 3 }]);
-                waiting.push((l, 3));
+                let [mut l, r] = children.map(|child| leaf(&nodes[child as usize], triangles));
+                plans.set(pair, join(&mut l, &r));
+                waiting.push(l);
             } else {
-                open.extend([PARENT, children[1], children[0]]);
+                open.extend([pair | PARENT, children[1], children[0]]);
             }
         } else {
-            let (leaf, root) = leaf(&nodes[place as usize], triangles);
-            planned.push(leaf);
-            waiting.push((root, 1));
+            waiting.push(leaf(&nodes[place as usize], triangles));
         }
     }
     match waiting.pop() {
-        Some((root, _)) => root,
-        None => leaf(&BinaryNode::EMPTY, triangles).1,
+        Some(root) => root,
+        None => leaf(&BinaryNode::EMPTY, triangles),
     }
 }
 
 #[inline(always)]
-fn leaf(node: &BinaryNode, triangles: u32) -> (Planned, Waiting) {
+fn leaf(node: &BinaryNode, triangles: u32) -> Waiting {
     let (bounds, primitive) = (node.bounds(), node.primitive());
     let instance = primitive >= triangles;
     let cost = bounds.half_area() * if instance { INSTANCE_COST } else { BLOCK_COST };
     let size = if instance { LANES as u32 + 1 } else { 1 };
     let mut costs = [0.0; WIDTH - 1];
     costs[0] = cost;
-    let planned = Planned { bounds, plan: Plan(Plan::LEAF | 7 << 28), link: primitive };
-    (planned, Waiting { cost: costs, bounds, size, most: 1 })
+    Waiting { cost: costs, bounds, size, most: 1 }
 }
 
 /// Makes the left child the parent of both, and tells how that is made of them.

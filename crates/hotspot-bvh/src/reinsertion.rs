@@ -5,7 +5,7 @@
 //!
 //! Equal gains go by place, so that a round's moves do not depend on the order in which they were found.
 
-use crate::binary::{BinaryNode, parent, put, refit};
+use crate::binary::{BinaryNode, BinaryTree};
 use crate::tasks;
 use rayon::prelude::*;
 
@@ -26,33 +26,34 @@ struct Move {
 }
 
 /// Takes `share` of all nodes for the first round.
-pub(crate) fn optimize(nodes: &mut [BinaryNode], share: f32) {
+pub(crate) fn optimize(tree: &mut BinaryTree, share: f32) {
+    let count = tree.nodes.len();
     // Three nodes leave nothing to choose.
-    if nodes.len() < 6 || share <= 0.0 {
+    if count < 6 || share <= 0.0 {
         return;
     }
-    let mut touched = vec![0u8; nodes.len()];
+    let mut touched = vec![0u8; count];
     let mut candidates: Vec<u64> = Vec::new();
     for round in 0..ROUNDS {
-        let batch = (nodes.len() as f32 * share / (2 * round + 1) as f32) as usize;
+        let batch = (count as f32 * share / (2 * round + 1) as f32) as usize;
         // As built, the tree's top comes first in memory: twice as many as wanted hold most of the largest.
-        let batch = batch.clamp(1, nodes.len() - 2);
-        let considered = (2 * batch + 4).min(nodes.len());
+        let batch = batch.clamp(1, count - 2);
+        let considered = (2 * batch + 4).min(count);
         candidates.clear();
         candidates.extend((2..considered).map(|place| {
             // Largest first, then by place.
-            u64::from(!nodes[place].half_area().to_bits()) << 32 | place as u64
+            u64::from(!tree.nodes[place].half_area().to_bits()) << 32 | place as u64
         }));
         if batch < candidates.len() {
             candidates.select_nth_unstable(batch);
             candidates.truncate(batch);
         }
-        let shared = &*nodes;
+        let shared = &*tree;
         let places = (PLACES / batch).max(FEWEST);
         let search = |stack: &mut Vec<(f32, u32)>, key: &u64| best_move(shared, *key as u32, places, stack);
         // A search is worth dozens of elements of other loops.
-        let mut moves: Vec<Move> = if tasks::worthwhile(batch.saturating_mul(64)) {
-            let each = candidates.par_iter().with_min_len(tasks::TASK / 64);
+        let mut moves: Vec<Move> = if tasks::worthwhile(batch.saturating_mul(32)) {
+            let each = candidates.par_iter().with_min_len(64).with_max_len(64);
             each.map_init(Vec::new, search).flatten_iter().collect()
         } else {
             let mut stack = Vec::new();
@@ -61,14 +62,14 @@ pub(crate) fn optimize(nodes: &mut [BinaryNode], share: f32) {
         moves.sort_unstable_by(|a, b| b.gain.total_cmp(&a.gain).then(a.from.cmp(&b.from)));
         let round = round as u8 + 1;
         for Move { from, to, .. } in moves {
-            let concerned = [to, from, from ^ 1, parent(nodes, to), parent(nodes, from)];
+            let concerned = [to, from, from ^ 1, tree.parent(to), tree.parent(from)];
             if concerned.iter().any(|&place| touched[place as usize] == round) {
                 continue;
             }
             for place in concerned {
                 touched[place as usize] = round;
             }
-            reinsert(nodes, from, to);
+            reinsert(tree, from, to);
         }
     }
 }
@@ -81,11 +82,12 @@ pub(crate) fn optimize(nodes: &mut [BinaryNode], share: f32) {
 ///
 /// It goes down into larger boxes than the own one alone: below others nothing is better than beside them, but for rounding.
 /// So of two moves in one round neither can be into what the other takes away, in a circle: each would be the smaller.
-fn best_move(nodes: &[BinaryNode], from: u32, places: usize, stack: &mut Vec<(f32, u32)>) -> Option<Move> {
+fn best_move(tree: &BinaryTree, from: u32, places: usize, stack: &mut Vec<(f32, u32)>) -> Option<Move> {
+    let nodes = &tree.nodes[..];
     let node = nodes[from as usize];
     let own = node.half_area();
     let mut best = Move { gain: 0.0, from, to: from };
-    let above = parent(nodes, from);
+    let above = tree.parent(from);
     // What has been gained above the place that is looked at, and the box of the ancestor without the subtree.
     let mut gained = nodes[above as usize].half_area();
     let mut sibling = from ^ 1;
@@ -127,26 +129,27 @@ fn best_move(nodes: &[BinaryNode], from: u32, places: usize, stack: &mut Vec<(f3
             break;
         }
         sibling = ancestor ^ 1;
-        ancestor = parent(nodes, ancestor);
+        ancestor = tree.parent(ancestor);
     }
     (best.gain > 0.0).then_some(best)
 }
 
 /// Moves the subtree at `from` beside the one at `to`: their parent takes the place of the latter, the sibling that of the
 /// old parent.
-fn reinsert(nodes: &mut [BinaryNode], from: u32, to: u32) {
-    let (sibling, above) = (from ^ 1, parent(nodes, from));
+fn reinsert(tree: &mut BinaryTree, from: u32, to: u32) {
+    let (sibling, above) = (from ^ 1, tree.parent(from));
+    let nodes = &tree.nodes[..];
     let (left_behind, beside) = (nodes[sibling as usize], nodes[to as usize]);
     let pair = from >> 1;
     let joint = BinaryNode::parent_of(&nodes[from as usize], &beside, pair);
-    put(nodes, to, &joint);
-    put(nodes, sibling, &beside);
-    put(nodes, above, &left_behind);
+    tree.put(to, &joint);
+    tree.put(sibling, &beside);
+    tree.put(above, &left_behind);
     if to != 0 {
-        refit(nodes, parent(nodes, to));
+        tree.refit(tree.parent(to));
     }
     if above != 0 {
-        refit(nodes, parent(nodes, above));
+        tree.refit(tree.parent(above));
     }
 }
 
@@ -157,9 +160,9 @@ mod tests {
     use crate::ploc::tests::over;
 
     /// Whether `place` lies in the subtree at `top`.
-    fn within(nodes: &[BinaryNode], mut place: u32, top: u32) -> bool {
+    fn within(tree: &BinaryTree, mut place: u32, top: u32) -> bool {
         while place != top && place != 0 {
-            place = parent(nodes, place);
+            place = tree.parent(place);
         }
         place == top
     }
@@ -170,19 +173,21 @@ mod tests {
         let mut boxes = Boxes::new(3);
         let mut found = 0;
         for round in 0..60 {
-            let nodes = over(&boxes.leaves(3 + round % 30, 0.3), 1 + round % 3);
-            let before = total_area(&nodes);
-            for from in 2..nodes.len() as u32 {
-                let best = best_move(&nodes, from, usize::MAX, &mut Vec::new());
+            let leaves = boxes.leaves(3 + round % 30, 0.3);
+            let build = || over(&leaves, 1 + round % 3);
+            let tree = build();
+            let before = total_area(&tree.nodes);
+            for from in 2..tree.nodes.len() as u32 {
+                let best = best_move(&tree, from, usize::MAX, &mut Vec::new());
                 let mut most = 0.0f64;
-                for to in (0..nodes.len() as u32).filter(|&to| to != 1) {
-                    if within(&nodes, to, from) || to == from ^ 1 || to == parent(&nodes, from) {
+                for to in (0..tree.nodes.len() as u32).filter(|&to| to != 1) {
+                    if within(&tree, to, from) || to == from ^ 1 || to == tree.parent(from) {
                         continue;
                     }
-                    let mut moved = nodes.clone();
+                    let mut moved = build();
                     reinsert(&mut moved, from, to);
                     assert_whole(&moved);
-                    let gain = before - total_area(&moved);
+                    let gain = before - total_area(&moved.nodes);
                     most = most.max(gain);
                     if let Some(best) = best.filter(|best| best.to == to) {
                         assert!((f64::from(best.gain) - gain).abs() < 1e-4 * before, "{best:?}: {gain}");
@@ -200,11 +205,11 @@ mod tests {
     fn trees_get_smaller_and_stay_whole() {
         let mut boxes = Boxes::new(4);
         for count in [0, 1, 2, 3, 4, 5, 100, 20_000] {
-            let mut nodes = over(&boxes.leaves(count, 0.02), 1);
-            let before = total_area(&nodes);
-            optimize(&mut nodes, 0.2);
-            assert_whole(&nodes);
-            let after = total_area(&nodes);
+            let mut tree = over(&boxes.leaves(count, 0.02), 1);
+            let before = total_area(&tree.nodes);
+            optimize(&mut tree, 0.2);
+            assert_whole(&tree);
+            let after = total_area(&tree.nodes);
             assert!(after <= before, "{count}: {before} {after}");
             assert!(count < 20_000 || after < before, "{count}: {before} {after}");
         }

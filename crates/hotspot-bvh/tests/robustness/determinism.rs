@@ -36,6 +36,42 @@ fn trees_do_not_depend_on_threads_or_repetition() {
     }
 }
 
+/// Around the numbers of triangles from which on loops are shared out and of their pieces; where all boxes or centres are equal, where
+/// each triangle is there twice, where the tree is deep on one side.
+#[test]
+fn trees_do_not_depend_on_where_loops_are_cut() {
+    let pools = [1, 2, 3, 7].map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap());
+    for count in [4095, 4096, 4097, 5120, 5121, 12_289] {
+        let mut rng = Rng::new(count as u64);
+        let mut doubled = soup(&mut rng, count / 2, 0.1);
+        doubled.extend_from_within(..);
+        let around_one_centre = |i: usize| {
+            let r = 0.5 + (i % 977) as f32;
+            [[-r, -r, 0.0], [r, r, 0.0], [0.0; 3]]
+        };
+        let ever_larger = |i: usize| {
+            let s = 1.005f32.powi(i as i32 % 4000);
+            [[s, 0.0, 0.0], [0.0, s, 0.0], [0.0, 0.0, s]]
+        };
+        let scenes = [
+            ("soup", soup(&mut rng, count, 0.02)),
+            ("doubled", doubled),
+            ("points", vec![[[2.0; 3]; 3]; count]),
+            ("equal", vec![[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]; count]),
+            ("around one centre", (0..count).map(around_one_centre).collect()),
+            ("ever larger", (0..count).map(ever_larger).collect()),
+        ];
+        for (name, triangles) in &scenes {
+            for quality in [Quality::Fast, Quality::Medium] {
+                let options = BuildOptions { quality, ..Default::default() };
+                let [alone, shared @ ..] =
+                    pools.each_ref().map(|pool| pool.install(|| hash(triangles, options)));
+                assert!(shared == [alone; 3], "{count} {name} {quality:?}");
+            }
+        }
+    }
+}
+
 /// Builds that run at the same time do not disturb each other.
 #[test]
 fn trees_do_not_depend_on_concurrent_builds() {
