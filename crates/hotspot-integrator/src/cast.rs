@@ -1,8 +1,8 @@
 //! Casting rays: which traversal a scene needs.
 //!
 //! Cutouts and instances have a traversal of their own, chosen by a branch that always goes the same way, so that a scene
-//! without them does not pay for them. Where a probe listens, the traversal without either is always part of the loop: as a call it
-//! takes 35 instructions a ray more.
+//! without them does not pay for them. The traversal without either is part of the loop: as a call it takes 35 instructions a
+//! ray more.
 
 use crate::class::{Class, Feature, has};
 use crate::cutout::Cutouts;
@@ -32,10 +32,8 @@ pub(crate) fn closest_hit<S: Simd, R: RayProbe, C: Class>(
         scene.bvh.closest_hit_filtered(simd, ray, [from], filter, probe)
     } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
         scene.bvh.closest_hit_filtered(simd, ray, [from], NoFilter, probe)
-    } else if R::ON {
-        scene.bvh.closest_hit_here(simd, ray, [from], probe)
     } else {
-        scene.bvh.closest_hit_flat(simd, ray, [from], probe)
+        scene.bvh.closest_hit_here(simd, ray, [from], probe)
     }
 }
 
@@ -84,9 +82,7 @@ pub(crate) fn occluded<S: Simd, R: RayProbe, C: Class>(
         scene.bvh.occluded_filtered(simd, ray, ends, filter, probe)
     } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
         scene.bvh.occluded_filtered(simd, ray, ends, NoFilter, probe)
-    } else if R::ON {
-        scene.bvh.occluded_here(simd, ray, ends, probe)
     } else {
-        scene.bvh.occluded_flat(simd, ray, ends, probe)
+        scene.bvh.occluded_here(simd, ray, ends, probe)
     }
 }
