@@ -194,5 +194,6 @@ fn wide_tree(
         tree
     };
     // Only the nodes are wanted from here on.
-    collapse(&tree.nodes, Primitives { triangles })
+    let nodes = tree.nodes;
+    collapse(&nodes, Primitives { triangles })
 }

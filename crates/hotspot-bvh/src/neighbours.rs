@@ -14,7 +14,8 @@ pub(crate) const FARTHEST: usize = 14;
 /// Nodes that are looked at together: all that is kept of them stays in the first cache.
 const BLOCK: usize = 256;
 
-/// Finds a partner for each of `nodes`, more than one, at most `distance` places away.
+/// Finds a partner for each of `nodes`, more than one, at most `distance` places away: 1, 2, 3, 6 or [`FARTHEST`], others
+/// search as far as the next of these.
 pub(crate) fn find_partners(nodes: &[BinaryNode], partners: &mut [u32], distance: usize) {
     let search = |first: usize, partners: &mut [u32]| match distance {
         1 => dispatch(Isa::Auto, Search::<1> { nodes, first, partners }),
@@ -45,7 +46,7 @@ impl<const R: usize> WithSimd for Search<'_, R> {
     fn run<S: Simd>(self, _: S) {
         // Minima and maxima. Slot k is node `start` + k - R.
         let mut rows: Rows = [[0.0; BLOCK + 2 * FARTHEST]; 6];
-        // Of slot k and the one so many behind it, the area of the box around both. Not negative, so bits are in their order.
+        // Of slot k and the one so many behind it, the area of the box around both. Without signs, so bits are in their order.
         let mut areas = [0u32; BLOCK + FARTHEST];
         let mut start = self.first;
         for partners in self.partners.chunks_mut(BLOCK) {
@@ -104,7 +105,8 @@ fn areas_of_pairs(rows: &Rows, d: usize, areas: &mut [u32]) {
         let x = larger(x1[k], x1_far[k]) - smaller(x0[k], x0_far[k]);
         let y = larger(y1[k], y1_far[k]) - smaller(y0[k], y0_far[k]);
         let z = larger(z1[k], z1_far[k]) - smaller(z0[k], z0_far[k]);
-        areas[k] = ((x + y) * z + x * y).to_bits();
+        // Without a sign: boxes of no size may have one.
+        areas[k] = ((x + y) * z + x * y).abs().to_bits();
     }
 }
 

@@ -7,8 +7,8 @@
 //! An instance is searched when its turn comes, as a tree of its own with a stack of its own; `INSTANCED` compiles that out
 //! where a tree has none. A [`Filter`] is asked about each hit that would count.
 //!
-//! `except`: triangles of the world that the ray is known not to hit, such as the one that it starts on, which passes all tests
-//! but the last, dearest one. They are visited and counted like all others.
+//! `except`: triangles of the world that the ray is not to hit, such as the one that it starts on, which passes all tests but the
+//! last, dearest one. They are visited and counted like all others.
 
 use crate::Bvh;
 use crate::filter::{Filter, counts};

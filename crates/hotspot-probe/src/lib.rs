@@ -4,8 +4,8 @@
 //! tested, rays cast, textures read) to whoever listens, and pays nothing when nobody does: [`NoProbe`] is zero-sized,
 //! its methods are empty and inlined, so the traversal compiles to what it would be without the parameter.
 //!
-//! A per-path [`Probe`] hands out one [`RayProbe`] for each ray. The ray probe is a value: it lives in registers during
-//! the traversal and reports once, in [`RayProbe::finish`].
+//! A per-path [`Probe`] hands out one [`RayProbe`] for each ray, a value: what it holds can live in registers during the
+//! traversal. It may report as it goes or when the traversal calls [`RayProbe::finish`], which every traversal must.
 //!
 //! The events are those of the cost model of *Identifying and Visualizing Computational Hotspots in Path Tracing*
 //! (Sundarrajan, van de Ruit, Eisemann 2022), equation 1: `C(r) = c0 * N_trav + c1 * N_shapes`.
@@ -91,7 +91,8 @@ pub trait RayProbe {
     /// A hit was asked whether the surface is there at all (alpha masks and the like): `lookups` texture look-ups touched
     /// `bytes` bytes of texels.
     fn alpha(&mut self, lookups: u32, bytes: u32);
-    /// The traversal ended; `hit` tells whether anything was hit (for a shadow ray: whether it was blocked).
+    /// The traversal ended; `hit` tells whether anything was hit (for a shadow ray: whether it was blocked). To be called once for
+    /// every ray: of a probe that is dropped instead some visits may have been reported and others not.
     fn finish(self, hit: bool);
 }
 

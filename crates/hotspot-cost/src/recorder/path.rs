@@ -118,7 +118,7 @@ impl Probe for PathCounts {
     }
 }
 
-/// Counts one ray's traversal.
+/// Counts one ray's traversal, visit by visit; it must be finished, or a blocked shadow ray counts as one that was not.
 #[derive(Debug)]
 pub struct RayCounter<'r> {
     path: &'r mut PathCounts,

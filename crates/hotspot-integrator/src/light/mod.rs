@@ -217,7 +217,8 @@ impl Lights {
             .map(|&(primitive, power)| {
                 let probability = power * shift[&geometry.part(primitive).object] / surface_power * near;
                 let corners = &geometry.triangles[primitive as usize];
-                let [v0, v1, v2] = corners.map(Vec3::from_array);
+                // In f64: which side of a long thin lamp a point near its plane sees is decided by it, once for all of the lamp.
+                let [v0, v1, v2] = corners.map(|corner| Vec3::from_array(corner).as_dvec3());
                 let triangle = SurfaceTriangle::new(corners);
                 LightTriangle {
                     primitive,
@@ -225,7 +226,7 @@ impl Lights {
                     pdf_area: geometry.part(primitive).light_pdf_area,
                     triangle,
                     edge: triangle.most_margin() / least_height(corners),
-                    normal: (v1 - v0).cross(v2 - v0).normalize_or_zero(),
+                    normal: (v1 - v0).cross(v2 - v0).normalize_or_zero().as_vec3(),
                     inverse_area: (1.0 / area(corners)) as f32,
                     two_sided: materials[geometry.part(primitive).material as usize].double_sided,
                 }
