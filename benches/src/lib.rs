@@ -4,6 +4,7 @@
 pub mod scaling;
 pub mod trace;
 
+use hotspot_bvh::simd::Isa;
 use hotspot_integrator::{
     BuildOptions, Control, Gather, RenderScene, Rendered, Settings, frame_bounds, render,
 };
@@ -30,11 +31,19 @@ pub fn scenes() -> PathBuf {
 /// # Panics
 /// When it cannot be loaded: a benchmark without its scene has no result.
 pub fn subject(path: &Path) -> Subject {
+    subject_under(path, Isa::Auto)
+}
+
+/// The same under a chosen instruction set.
+///
+/// # Panics
+/// As [`subject`].
+pub fn subject_under(path: &Path, isa: Isa) -> Subject {
     let scene = match hotspot_scene::load(path, &Default::default()) {
         Ok(scene) => scene,
         Err(e) => panic!("{e}"),
     };
-    let prepared = match RenderScene::prepare(&scene, BuildOptions::default()) {
+    let prepared = match RenderScene::prepare(&scene, BuildOptions { isa, ..Default::default() }) {
         Ok(prepared) => prepared,
         Err(e) => panic!("{}: {e}", path.display()),
     };

@@ -7,7 +7,7 @@
 use hotspot_benches::trace::query;
 use hotspot_benches::trace::rays::{Kind, rays};
 use hotspot_benches::trace::soup::Soup;
-use hotspot_benches::{COUNTING, PLAIN, VARIANTS, Variant, run, scenes, subject};
+use hotspot_benches::{COUNTING, PLAIN, VARIANTS, Variant, run, scenes, subject_under};
 use hotspot_bvh::simd::Isa;
 use hotspot_bvh::{BuildOptions, Bvh};
 use std::hint::black_box;
@@ -36,8 +36,8 @@ fn trace(isa: Isa, kind: Kind) -> usize {
 }
 
 /// A small render in the calling thread, where callgrind's switch is.
-fn path(scene: &str, variant: &Variant) -> usize {
-    let subject = subject(&scenes().join(scene));
+fn path(scene: &str, isa: Isa, variant: &Variant) -> usize {
+    let subject = subject_under(&scenes().join(scene), isa);
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build() {
         Ok(pool) => pool,
         Err(e) => panic!("cannot start a pool: {e}"),
@@ -69,7 +69,12 @@ fn main() {
             (&VARIANTS[6], "booked-halves"),
         ];
         for (variant, what) in kinds {
-            kernels.push((format!("path/{class}/{what}"), Box::new(move || path(scene, variant))));
+            kernels.push((format!("path/{class}/{what}"), Box::new(move || path(scene, Isa::Auto, variant))));
+            // Some versions of valgrind lack an instruction that the compiler likes in this class.
+            if class == "full" {
+                let name = format!("path/{class}/portable/{what}");
+                kernels.push((name, Box::new(move || path(scene, Isa::Portable, variant))));
+            }
         }
     }
     match std::env::args().nth(1) {
