@@ -238,7 +238,7 @@ impl Bvh {
     ) -> Option<Hit> {
         simd.vectorize(
             #[inline(always)]
-            || traverse::closest::<S, P, NoFilter, false, N>(simd, self, ray, except, NoFilter, probe),
+            || self.closest_hit_here(simd, ray, except, probe),
         )
     }
 
@@ -285,7 +285,7 @@ impl Bvh {
     ) -> bool {
         simd.vectorize(
             #[inline(always)]
-            || traverse::any::<S, P, NoFilter, false, N>(simd, self, ray, except, NoFilter, probe),
+            || self.occluded_here(simd, ray, except, probe),
         )
     }
 

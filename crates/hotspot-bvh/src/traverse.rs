@@ -243,6 +243,14 @@ struct Place<'a, const N: usize> {
     except: [u32; N],
 }
 
+impl<'a, const N: usize> Place<'a, N> {
+    /// In an instance, with the ray in its space. Exceptions are of the world.
+    #[inline(always)]
+    fn inside(&self, root: Child, frame: &'a RayFrame, instance: usize) -> Place<'a, 0> {
+        Place { bvh: self.bvh, root, frame, instance: instance as u32, except: [] }
+    }
+}
+
 #[inline(always)]
 fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usize>(
     s: S,
@@ -383,13 +391,7 @@ fn nearest_of_instance<S: Simd, P: RayProbe, F: Filter, const N: usize>(
                 return best;
             }
             let frame = RayFrame::new(&ray);
-            let inside = Place {
-                bvh: place.bvh,
-                root: placed.root,
-                frame: &frame,
-                instance: index as u32,
-                except: [],
-            };
+            let inside = place.inside(placed.root, &frame, index);
             // A tie with a hit elsewhere is decided below.
             let ties = best.found && limit == best.t;
             let start = Best { primitive: if ties { u32::MAX } else { 0 }, ..Best::none(limit) };
@@ -514,13 +516,7 @@ fn blocked_by_instance<S: Simd, P: RayProbe, F: Filter, const N: usize>(
                 return false;
             }
             let frame = RayFrame::new(&ray);
-            let inside = Place {
-                bvh: place.bvh,
-                root: placed.root,
-                frame: &frame,
-                instance: index as u32,
-                except: [],
-            };
+            let inside = place.inside(placed.root, &frame, index);
             blocked::<S, P, F, false, 0>(s, inside, filter, probe)
         },
     )

@@ -254,6 +254,37 @@ fn solid_angles_of_any_size() {
     }
 }
 
+/// A strip lamp of 10 m by 1 mm, turned and at odd coordinates, emits to one side. Points of that side as near to its plane as half a millimetre get
+/// light from all of it, points as far behind it none; wherever along it they are, 11 places on 40 lamps.
+#[test]
+fn thin_lamps_shine_to_their_side_alone() {
+    let mut random = Random(8);
+    for lamp in 0..40 {
+        let mut point = || DVec3::from_array([0; 3].map(|_| 2.0 * random.unit() - 1.0));
+        let (along, origin) = (point().normalize(), 3.0 * point());
+        let across = along.cross(point()).normalize();
+        let corner = |x: f64, y: f64| (origin + along * (10.0 * x) + across * (1e-3 * y)).as_vec3();
+        let [a, b, c, d] = [corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)];
+        for corners in [[a, b, c], [a, c, d], [c, a, b]] {
+            // The first light of `scene` is two-sided.
+            let behind = [[0.0, 99.0, 0.0], [1.0, 99.0, 0.0], [0.0, 99.0, 1.0]];
+            let triangles = [(behind, 1e-9), (corners.map(|p| p.to_array()), 1.0)];
+            let lights = RenderScene::prepare(&scene(&triangles), BuildOptions::default()).unwrap().lights;
+            let light = &lights.triangles[1];
+            let [a, b, c] = corners.map(|p| p.as_dvec3());
+            let normal = (b - a).cross(c - a).normalize();
+            for place in 0..=10 {
+                let at = a.lerp(if place % 2 == 0 { b } else { c }, f64::from(place) / 10.0);
+                for height in [5e-4, -5e-4] {
+                    let p = (at + normal * height).as_vec3();
+                    let seen = light.sample(p, (0.4, 0.3), light.pdf_area).is_some();
+                    assert_eq!(seen, height > 0.0, "lamp {lamp}, place {place}, {height} off {corners:?}");
+                }
+            }
+        }
+    }
+}
+
 /// Stratified numbers stay stratified: of 64 lights of equal power each gets as many of 2^k Sobol points as any other.
 #[test]
 fn equal_lights_are_taken_equally_often() {
