@@ -58,7 +58,8 @@ fn main() {
     let classes = [
         ("matte", "cornell-box-red/cornell-box-red.gltf"),
         ("lobes", "white-room-substrate/white-room-substrate.gltf"),
-        ("full", "features/metallic-roughness-texture.gltf"),
+        ("textured", "features/metallic-roughness-texture.gltf"),
+        ("full", "features/alpha-mask.gltf"),
     ];
     for (class, scene) in classes {
         let kinds = [
@@ -70,8 +71,8 @@ fn main() {
         ];
         for (variant, what) in kinds {
             kernels.push((format!("path/{class}/{what}"), Box::new(move || path(scene, Isa::Auto, variant))));
-            // Some versions of valgrind lack an instruction that the compiler likes in this class.
-            if class == "full" {
+            // Some versions of valgrind lack an instruction that the compiler likes in these classes.
+            if class == "textured" || class == "full" {
                 let name = format!("path/{class}/portable/{what}");
                 kernels.push((name, Box::new(move || path(scene, Isa::Portable, variant))));
             }

@@ -11,6 +11,8 @@ pub enum SceneClass {
     Matte,
     /// Untextured surfaces of every kind.
     Lobes,
+    /// Surfaces of every kind, but neither cutouts nor instances, environment maps nor punctual lights.
+    Textured,
     /// Everything.
     Full,
 }
@@ -21,12 +23,13 @@ impl SceneClass {
         match self {
             Self::Matte => "matte",
             Self::Lobes => "lobes",
+            Self::Textured => "textured",
             Self::Full => "full",
         }
     }
 
-    /// The least class that draws all of a scene's surfaces.
-    pub(crate) fn of(scene: &Scene) -> Self {
+    /// The least class that draws all of a scene's surfaces, where no more than surfaces is asked for.
+    pub(crate) fn of_surfaces(scene: &Scene) -> Self {
         scene.instances.iter().fold(Self::Matte, |class, instance| {
             let material = &scene.materials[instance.material as usize];
             class.max(Self::of_surface(material, &scene.meshes[instance.mesh as usize]))
@@ -38,10 +41,10 @@ impl SceneClass {
         visit_shaded_textures(material, &mut |_| textured = true);
         let shines_through_holes = material.is_emissive() && material.alpha != Alpha::Opaque;
         match &material.bsdf {
-            _ if textured || shines_through_holes || mesh.colors.is_some() => Self::Full,
+            _ if textured || shines_through_holes || mesh.colors.is_some() => Self::Textured,
             Bsdf::Matte { .. } => Self::Matte,
-            Bsdf::Mix { .. } | Bsdf::Unlit { .. } => Self::Full,
-            Bsdf::Glass { absorption, .. } if *absorption != [0.0; 3] => Self::Full,
+            Bsdf::Mix { .. } | Bsdf::Unlit { .. } => Self::Textured,
+            Bsdf::Glass { absorption, .. } if *absorption != [0.0; 3] => Self::Textured,
             _ => Self::Lobes,
         }
     }
@@ -56,12 +59,16 @@ pub(crate) trait Class {
     const TEXTURED: bool;
     /// Light sampling by what was learned about the scene.
     const LEARNED: bool = false;
+    /// Cutouts, instances, environment maps and punctual lights: each is a call that a scene without it never makes, but together
+    /// they would cost it 4 % by the registers that are kept for those calls.
+    const EXTRAS: bool = false;
     /// What is compiled out although a scene may want it: only in the kernels with which benches compare.
     const WITHOUT: Option<Feature> = None;
 }
 
 pub(crate) struct MatteClass;
 pub(crate) struct LobesClass;
+pub(crate) struct TexturedClass;
 pub(crate) struct FullClass;
 /// A class with learned light sampling: kernels of their own for scenes that ask for it.
 pub(crate) struct Learning<C>(core::marker::PhantomData<C>);
@@ -74,13 +81,19 @@ impl Class for LobesClass {
     const LOBES: bool = true;
     const TEXTURED: bool = false;
 }
+impl Class for TexturedClass {
+    const LOBES: bool = true;
+    const TEXTURED: bool = true;
+}
 impl Class for FullClass {
     const LOBES: bool = true;
     const TEXTURED: bool = true;
+    const EXTRAS: bool = true;
 }
 impl<C: Class> Class for Learning<C> {
     const LOBES: bool = C::LOBES;
     const TEXTURED: bool = C::TEXTURED;
+    const EXTRAS: bool = C::EXTRAS;
     const LEARNED: bool = true;
 }
 
@@ -117,6 +130,13 @@ pub enum Feature {
 /// Whether kernels of a class do this.
 #[inline(always)]
 pub(crate) const fn has<C: Class>(feature: Feature) -> bool {
+    let extra = matches!(
+        feature,
+        Feature::Cutouts | Feature::Instances | Feature::EnvironmentMaps | Feature::PunctualLights
+    );
+    if extra && !C::EXTRAS {
+        return false;
+    }
     match C::WITHOUT {
         Some(without) => without as u8 != feature as u8 && without as u8 != Feature::Every as u8,
         None => true,
@@ -149,5 +169,6 @@ pub(crate) struct Without<C, const FEATURE: usize>(core::marker::PhantomData<C>)
 impl<C: Class, const FEATURE: usize> Class for Without<C, FEATURE> {
     const LOBES: bool = C::LOBES;
     const TEXTURED: bool = C::TEXTURED;
+    const EXTRAS: bool = C::EXTRAS;
     const WITHOUT: Option<Feature> = Some(Feature::ALL[FEATURE]);
 }

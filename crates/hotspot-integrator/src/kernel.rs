@@ -3,7 +3,7 @@
 use crate::adaptive::Plan;
 use crate::camera::FilmCamera;
 use crate::cast::closest_hits;
-use crate::class::{Class, FullClass, Learning, LobesClass, MatteClass, SceneClass};
+use crate::class::{Class, FullClass, Learning, LobesClass, MatteClass, SceneClass, TexturedClass};
 use crate::path::{PathResult, PathSettings, Start, trace};
 use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind};
 use crate::scene::RenderScene;
@@ -96,11 +96,11 @@ impl WithSimd for TileJob<'_> {
             return self.run_without(simd, feature);
         }
         if self.kernel.path.learned.is_some() {
-            // Matte scenes have none of their own: what it would save is little beside what it takes to compile.
+            // The lesser classes have none of their own: what it would save is little beside what it takes to compile.
             return match self.kernel.scene.class() {
-                SceneClass::Matte | SceneClass::Lobes => simd.vectorize(
+                SceneClass::Matte | SceneClass::Lobes | SceneClass::Textured => simd.vectorize(
                     #[inline(always)]
-                    || self.pixels::<S, Learning<LobesClass>>(simd),
+                    || self.pixels::<S, Learning<TexturedClass>>(simd),
                 ),
                 SceneClass::Full => simd.vectorize(
                     #[inline(always)]
@@ -117,6 +117,10 @@ impl WithSimd for TileJob<'_> {
                 #[inline(always)]
                 || self.pixels::<S, LobesClass>(simd),
             ),
+            SceneClass::Textured => simd.vectorize(
+                #[inline(always)]
+                || self.pixels::<S, TexturedClass>(simd),
+            ),
             SceneClass::Full => simd.vectorize(
                 #[inline(always)]
                 || self.pixels::<S, FullClass>(simd),
@@ -125,7 +129,7 @@ impl WithSimd for TileJob<'_> {
     }
 }
 
-/// The kernels of the three classes without one feature, for benches.
+/// The kernels of the classes without one feature, for benches.
 #[cfg(hotspot_ablation)]
 impl TileJob<'_> {
     fn run_without<S: Simd>(self, simd: S, feature: crate::class::Feature) {
@@ -154,6 +158,10 @@ impl TileJob<'_> {
             SceneClass::Lobes => simd.vectorize(
                 #[inline(always)]
                 || self.pixels::<S, Without<LobesClass, FEATURE>>(simd),
+            ),
+            SceneClass::Textured => simd.vectorize(
+                #[inline(always)]
+                || self.pixels::<S, Without<TexturedClass, FEATURE>>(simd),
             ),
             SceneClass::Full => simd.vectorize(
                 #[inline(always)]

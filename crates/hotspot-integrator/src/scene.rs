@@ -1,7 +1,7 @@
 //! A scene made ready for rendering: triangles in world space, tree, lights, and the class that chooses the kernel.
 
 use crate::check::check;
-use crate::class::SceneClass;
+use crate::class::{FullClass, SceneClass};
 use crate::cutout::CutoutTriangles;
 use crate::geometry::{Geometry, Instancing};
 use crate::light::{Lights, Surroundings, bounding_radius};
@@ -151,8 +151,9 @@ impl RenderScene {
                 count: 1,
             });
         }
-        let class = SceneClass::of(scene);
         let cutouts = CutoutTriangles::of(&geometry);
+        let extras = cutouts.any() || bvh.instance_count() > 0 || lights.has_maps_or_points::<FullClass>();
+        let class = if extras { SceneClass::Full } else { SceneClass::of_surfaces(scene) };
         Ok(Self {
             geometry,
             materials: scene.materials.clone(),

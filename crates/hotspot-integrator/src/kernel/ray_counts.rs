@@ -6,7 +6,7 @@
 
 use super::{Kernel, PixelSampler, Sampler, sample};
 use crate::camera::FilmCamera;
-use crate::class::{FullClass, LobesClass, MatteClass, SceneClass};
+use crate::class::{FullClass, LobesClass, MatteClass, SceneClass, TexturedClass};
 use crate::cutout::Cutouts;
 use crate::path::{PathResult, PathSettings};
 use crate::{Control, Gather, Instancing, PrepareOptions, RenderScene, Settings, render};
@@ -138,6 +138,10 @@ impl WithSimd for Job<'_> {
             SceneClass::Lobes => simd.vectorize(
                 #[inline(always)]
                 || sample::<S, _, LobesClass>(simd, kernel, (x, y), &sampler, listener),
+            ),
+            SceneClass::Textured => simd.vectorize(
+                #[inline(always)]
+                || sample::<S, _, TexturedClass>(simd, kernel, (x, y), &sampler, listener),
             ),
             SceneClass::Full => simd.vectorize(
                 #[inline(always)]
