@@ -91,7 +91,8 @@ impl BinaryNode {
         self.low.w.to_bits() & !(FLAG | NORMAL)
     }
 
-    /// Leaves below, itself included; once subtrees have been moved only roughly so, or even 0: good for sharing out work.
+    /// Leaves below, itself included; once subtrees have been moved only roughly so, or even 0: good for sharing out work
+    /// and for the order of slots.
     #[inline(always)]
     pub(crate) fn leaves(&self) -> u32 {
         self.high.w.to_bits() & !(FLAG | NORMAL)
@@ -197,7 +198,8 @@ impl BinaryTree {
         }
     }
 
-    /// Gives leaves other boxes, by their primitives, and all else the boxes that enclose those.
+    /// Gives leaves other boxes, by their primitives, and all else the boxes that enclose those. Numbers of leaves stay, rough as they
+    /// are, so that scaling a scene does not change its tree.
     pub(crate) fn set_bounds(&mut self, bounds: impl Fn(u32) -> Bounds) {
         let mut inner = Vec::new();
         let mut open = if self.nodes.is_empty() { Vec::new() } else { vec![0u32] };
@@ -213,7 +215,9 @@ impl BinaryTree {
         // Children come after their parents there.
         for (place, pair) in inner.into_iter().rev() {
             let [left, right] = [2 * pair, 2 * pair + 1].map(|child| &self.nodes[child as usize]);
-            self.nodes[place as usize] = BinaryNode::parent_of(left, right, pair);
+            let (low, high) = left.union(right);
+            let node = &mut self.nodes[place as usize];
+            *node = BinaryNode { low: low.with_w(node.low.w), high: high.with_w(node.high.w) };
         }
     }
 }

@@ -246,11 +246,12 @@ impl Emitter<'_> {
         }
     }
 
-    /// Blocks first, and how many they are: any-hit queries try them before they descend. Then by area, largest first.
+    /// Blocks first, and how many they are: any-hit queries try them before they descend. Then by area per triangle, largest first:
+    /// what is large is likely to block the ray, and what holds little is soon searched.
     fn sorted(&self, roots: &Places) -> (Places, usize) {
         let mut sorted = Places::default();
         let mut blocks = 0;
-        let mut areas = [0.0; WIDTH];
+        let mut ranks = [0.0; WIDTH];
         for wants_blocks in [true, false] {
             let start = sorted.count;
             for place in roots.iter() {
@@ -260,14 +261,14 @@ impl Emitter<'_> {
                     continue;
                 }
                 // Insertion, equals in the order of their coming.
-                let area = node.bounds().half_area();
+                let rank = node.bounds().half_area() / f64::from(node.leaves().max(1));
                 let mut slot = sorted.count;
                 sorted.push(place);
-                while slot > start && areas[slot - 1] < area {
-                    (areas[slot], sorted.places[slot]) = (areas[slot - 1], sorted.places[slot - 1]);
+                while slot > start && ranks[slot - 1] < rank {
+                    (ranks[slot], sorted.places[slot]) = (ranks[slot - 1], sorted.places[slot - 1]);
                     slot -= 1;
                 }
-                (areas[slot], sorted.places[slot]) = (area, place);
+                (ranks[slot], sorted.places[slot]) = (rank, place);
             }
             if wants_blocks {
                 blocks = sorted.count;
@@ -424,6 +425,18 @@ mod tests {
         known[n][most]
     }
 
+    /// Primitives below a child of the wide tree.
+    fn held(tree: &WideTree, child: Child) -> u32 {
+        if child.is_instance() {
+            1
+        } else if child.is_leaf() {
+            let used = tree.blocks[child.index()].primitives.iter().filter(|&&p| p != NO_PRIMITIVE);
+            used.count() as u32
+        } else {
+            tree.nodes[child.index()].occupied().map(|(_, child)| held(tree, child)).sum()
+        }
+    }
+
     /// Random trees over random boxes, instances among them: the wide tree holds each primitive once, costs as little as
     /// any, and has its children in their order.
     #[test]
@@ -463,7 +476,8 @@ mod tests {
                 } else {
                     let slots: Vec<_> = wide.nodes[child.index()].occupied().collect();
                     let rank = |(bounds, child): &(Bounds, Child)| {
-                        (!child.is_leaf() || child.is_instance(), -bounds.half_area())
+                        let area = bounds.half_area() / f64::from(held(&wide, *child));
+                        (!child.is_leaf() || child.is_instance(), -area)
                     };
                     assert!(slots.is_sorted_by_key(rank), "round {round}: {slots:?}");
                     pending.extend(slots);
