@@ -317,8 +317,31 @@ impl Bvh {
     ) -> Option<Hit> {
         simd.vectorize(
             #[inline(always)]
-            || traverse::closest::<S, P, F, true, N>(simd, self, ray, except, filter, probe),
+            || self.closest_hit_filtered_here::<S, P, F, true, N>(simd, ray, except, filter, probe),
         )
+    }
+
+    /// As [`Bvh::closest_hit_filtered`], for callers that run in [`Simd::vectorize`] themselves, and whose rays nearly all come here.
+    /// `INSTANCED`: whether the tree may have instances.
+    ///
+    /// # Panics
+    /// May panic where the tree has instances and `INSTANCED` is false.
+    #[inline(always)]
+    pub fn closest_hit_filtered_here<
+        S: Simd,
+        P: RayProbe,
+        F: Filter,
+        const INSTANCED: bool,
+        const N: usize,
+    >(
+        &self,
+        simd: S,
+        ray: &Ray,
+        except: [u32; N],
+        filter: F,
+        probe: P,
+    ) -> Option<Hit> {
+        traverse::closest::<S, P, F, INSTANCED, N>(simd, self, ray, except, filter, probe)
     }
 
     /// Whether there is a hit that `filter` accepts; `except` as in [`Bvh::closest_hit_flat`], triangles of the world.
@@ -333,8 +356,24 @@ impl Bvh {
     ) -> bool {
         simd.vectorize(
             #[inline(always)]
-            || traverse::any::<S, P, F, true, N>(simd, self, ray, except, filter, probe),
+            || self.occluded_filtered_here::<S, P, F, true, N>(simd, ray, except, filter, probe),
         )
+    }
+
+    /// As [`Bvh::occluded_filtered`], for callers that run in [`Simd::vectorize`] themselves ([`Bvh::closest_hit_filtered_here`]).
+    ///
+    /// # Panics
+    /// May panic where the tree has instances and `INSTANCED` is false.
+    #[inline(always)]
+    pub fn occluded_filtered_here<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usize>(
+        &self,
+        simd: S,
+        ray: &Ray,
+        except: [u32; N],
+        filter: F,
+        probe: P,
+    ) -> bool {
+        traverse::any::<S, P, F, INSTANCED, N>(simd, self, ray, except, filter, probe)
     }
 
     /// Triangles stored: those of the world, and those of each mesh once.

@@ -1,8 +1,7 @@
 //! Casting rays: which traversal a scene needs.
 //!
-//! Cutouts and instances have a traversal of their own, chosen by a branch that always goes the same way, so that a scene
-//! without them does not pay for them. The traversal without either is part of the loop: as a call it takes 35 instructions a
-//! ray more.
+//! One for each class, and part of the loop: as a call it takes 35 instructions a ray more. That of the full class asks about
+//! cutouts and searches instances, that of the others knows neither.
 
 use crate::class::{Class, Feature, has};
 use crate::cutout::Cutouts;
@@ -27,13 +26,20 @@ pub(crate) fn closest_hit<S: Simd, R: RayProbe, C: Class>(
 ) -> Option<Hit> {
     #[cfg(test)]
     crate::kernel::ray_counts::record(ray, sampler.ray_key(2 * bounce), false);
-    if has::<C>(Feature::Cutouts) && scene.cutouts.any() {
-        let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce) };
-        scene.bvh.closest_hit_filtered(simd, ray, [from], filter, probe)
-    } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
-        scene.bvh.closest_hit_filtered(simd, ray, [from], NoFilter, probe)
-    } else {
-        scene.bvh.closest_hit_here(simd, ray, [from], probe)
+    let bvh = &scene.bvh;
+    match (has::<C>(Feature::Cutouts), has::<C>(Feature::Instances)) {
+        (true, true) => {
+            let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce) };
+            bvh.closest_hit_filtered_here::<S, R, _, true, 1>(simd, ray, [from], filter, probe)
+        }
+        (true, false) => {
+            let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce) };
+            bvh.closest_hit_filtered_here::<S, R, _, false, 1>(simd, ray, [from], filter, probe)
+        }
+        (false, true) => {
+            bvh.closest_hit_filtered_here::<S, R, _, true, 1>(simd, ray, [from], NoFilter, probe)
+        }
+        (false, false) => bvh.closest_hit_here(simd, ray, [from], probe),
     }
 }
 
@@ -77,12 +83,17 @@ pub(crate) fn occluded<S: Simd, R: RayProbe, C: Class>(
 ) -> bool {
     #[cfg(test)]
     crate::kernel::ray_counts::record(ray, sampler.ray_key(2 * bounce + 1), true);
-    if has::<C>(Feature::Cutouts) && scene.cutouts.any() {
-        let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce + 1) };
-        scene.bvh.occluded_filtered(simd, ray, ends, filter, probe)
-    } else if has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0 {
-        scene.bvh.occluded_filtered(simd, ray, ends, NoFilter, probe)
-    } else {
-        scene.bvh.occluded_here(simd, ray, ends, probe)
+    let bvh = &scene.bvh;
+    match (has::<C>(Feature::Cutouts), has::<C>(Feature::Instances)) {
+        (true, true) => {
+            let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce + 1) };
+            bvh.occluded_filtered_here::<S, R, _, true, 2>(simd, ray, ends, filter, probe)
+        }
+        (true, false) => {
+            let filter = Cutouts { simd, scene, ray_key: sampler.ray_key(2 * bounce + 1) };
+            bvh.occluded_filtered_here::<S, R, _, false, 2>(simd, ray, ends, filter, probe)
+        }
+        (false, true) => bvh.occluded_filtered_here::<S, R, _, true, 2>(simd, ray, ends, NoFilter, probe),
+        (false, false) => bvh.occluded_here(simd, ray, ends, probe),
     }
 }

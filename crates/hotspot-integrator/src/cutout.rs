@@ -61,7 +61,7 @@ impl CutoutTriangles {
 
     #[inline(always)]
     fn contains(&self, triangle: u32) -> bool {
-        self.bits[triangle as usize / 64] >> (triangle % 64) & 1 != 0
+        self.bits.get(triangle as usize / 64).is_some_and(|bits| bits >> (triangle % 64) & 1 != 0)
     }
 }
 
