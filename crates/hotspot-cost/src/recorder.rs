@@ -2,7 +2,7 @@
 //!
 //! A [`TileRecorder`] belongs to one worker: no locks, no statics. For each pixel it opens a [`PixelRecorder`], that opens a
 //! [`PathRecorder`] for each path, that hands a [`RayCounter`] to each traversal. Who takes several samples of a pixel at once opens
-//! a [`PixelVisit`] (running sums, on the stack), that [`PathCounts`] are added to when their path has ended. Paths are never
+//! a [`PixelVisit`] (running sums, on the stack), whose [`PathCounts`] are the probe of one path after the other. Paths are never
 //! stored.
 //!
 //! Sums are added sample by sample in the order of the calls, so that the result does not depend on how the samples are
@@ -350,7 +350,7 @@ impl PathRecorder<'_> {
     /// Closes the path and adds it to its pixel.
     #[inline(always)]
     pub fn end(self, end: PathEnd) {
-        PixelVisit::new(self.pixel).add(&self.path, end);
+        PixelVisit::of(self.pixel, self.path).end(end);
     }
 }
 

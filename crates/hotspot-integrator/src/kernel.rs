@@ -11,7 +11,7 @@ use glam::Vec3;
 use hotspot_bvh::PACKET;
 use hotspot_bvh::simd::{Simd, WithSimd};
 use hotspot_cost::ledger::{Ledger, Payers};
-use hotspot_cost::{FilmPixel, PathCounts, PathEnd, PixelRecorder, TileRecorder};
+use hotspot_cost::{FilmPixel, PathEnd, PixelRecorder, TileRecorder};
 use hotspot_probe::{NoProbe, Probe};
 use std::ops::Range;
 use std::time::Instant;
@@ -220,10 +220,9 @@ impl TileJob<'_> {
                         let mut visit = cost.visit();
                         for index in counting {
                             let sampler = pixel_sampler.sample(index);
-                            let mut path = PathCounts::default();
-                            let result = sample::<S, _, C>(simd, kernel, (x, y), &sampler, &mut path);
-                            visit.add(&path, path_end(&result));
-                            kept.add(index, &result);
+                            let result = sample::<S, _, C>(simd, kernel, (x, y), &sampler, visit.path());
+                            let finite = kept.add(index, &result);
+                            visit.end(path_end(&result, finite));
                         }
                     }
                 }
@@ -257,11 +256,13 @@ impl TileJob<'_> {
     }
 }
 
-fn path_end(result: &PathResult) -> PathEnd {
+/// `finite`: whether its radiance is.
+#[inline(always)]
+fn path_end(result: &PathResult, finite: bool) -> PathEnd {
     PathEnd {
         cause: result.cause,
         throughput: result.throughput,
-        brought_radiance: result.radiance != Vec3::ZERO && result.radiance.is_finite(),
+        brought_radiance: finite && result.radiance != Vec3::ZERO,
         first_object: result.first_object,
     }
 }
@@ -277,16 +278,18 @@ struct Kept<'a> {
 }
 
 impl Kept<'_> {
+    /// Adds a sample; whether its radiance is finite.
     #[inline(always)]
-    fn add(&mut self, sample: u64, result: &PathResult) {
+    fn add(&mut self, sample: u64, result: &PathResult) -> bool {
+        let finite = result.radiance.is_finite();
         if self.radiance {
-            let finite = result.radiance.is_finite();
             if !finite {
                 let Self { x, y, half, .. } = *self;
                 self.lost.add(NonFinite { x, y, sample, half });
             }
             self.film.add(if finite { result.radiance.to_array() } else { [0.0; 3] });
         }
+        finite
     }
 }
 
@@ -316,8 +319,8 @@ fn booked_samples<S: Simd, C: Class>(
                 let mut path = visit.path();
                 let at = (kept.x, kept.y);
                 let result = sample::<S, _, C>(simd, kernel, at, &sampler.sample(index), &mut path);
-                path.end(path_end(&result));
-                kept.add(index, &result);
+                let finite = kept.add(index, &result);
+                path.end(path_end(&result, finite));
             }
             kept.film
         },

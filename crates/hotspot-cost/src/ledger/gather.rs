@@ -36,7 +36,6 @@ impl Ledger {
                 key: Key::new(0, NONE, 0, 0, RayKind::Camera),
                 special: false,
                 sums: [[Pair::NOTHING; PAIRS]; 3],
-                counts: PathCounts::default(),
                 left: 0,
                 rare: [0; 2],
                 inside: 0,
@@ -132,8 +131,6 @@ struct State<'p> {
     special: bool,
     /// Visits of the path's rays that have ended: of camera and bounce rays, of shadow rays, of blocked shadow rays.
     sums: [[Pair; PAIRS]; 3],
-    /// The path's other counts.
-    counts: PathCounts,
     /// Where in [`Aside`] is kept how paths went on from the object that the path left last.
     left: usize,
     /// The ray's instances and alpha tests; nothing between rays.
@@ -147,6 +144,7 @@ struct State<'p> {
     payers: &'p Payers,
     aside: &'p mut Aside,
     bins: &'p mut Bins,
+    /// Has all other counts.
     pixel: PixelVisit<'p>,
 }
 
@@ -158,13 +156,16 @@ impl<'p> BookedVisit<'p> {
     #[inline(always)]
     pub fn path(&mut self) -> BookedPath<'_, 'p> {
         self.state.left = 0;
-        self.state.sums = [[Pair::NOTHING; PAIRS]; 3];
-        self.state.counts = PathCounts::default();
         BookedPath { visit: self }
     }
 }
 
 impl State<'_> {
+    #[inline(always)]
+    fn counts(&mut self) -> &mut PathCounts {
+        self.pixel.path()
+    }
+
     #[inline(always)]
     fn key_of(&self, spawner: Column, by: Spawner) -> Key {
         // Only shadow rays aim.
@@ -231,7 +232,7 @@ impl State<'_> {
     /// A hit on a block was asked whether it is there.
     #[inline(never)]
     fn alpha_test(&mut self, block: u32, lookups: u32, bytes: u32) {
-        self.counts.add_alpha(lookups, bytes);
+        self.counts().add_alpha(lookups, bytes);
         self.aside.alpha_test(self.key.object(), self.slot_of_block(block));
         self.rare[1] += 1;
         self.special = true;
@@ -260,7 +261,7 @@ impl State<'_> {
     fn finish_special(&mut self, row: &mut [Pair], shadow: bool, hit: bool) {
         let rare = std::mem::take(&mut self.rare);
         self.bins.add_rare(self.key, rare);
-        self.counts.add_instances(shadow, rare[0]);
+        self.counts().add_instances(shadow, rare[0]);
         if rare[0] > 0 {
             self.aside.leave(self.key.object(), row, self.inside);
             self.inside = 0;
@@ -275,9 +276,9 @@ impl State<'_> {
             return self.finish(shadow, hit);
         }
         let blocked = hit && shadow;
-        self.counts.add_visits(shadow, nodes, leaves);
+        self.counts().add_visits(shadow, nodes, leaves);
         if blocked {
-            self.counts.add_blocked(nodes[0], leaves[1]);
+            self.counts().add_blocked(nodes[0], leaves[1]);
         }
         let counts = BinCounts {
             rays: 1,
@@ -293,7 +294,8 @@ impl State<'_> {
 
     /// Moves the path's sums of visits to its counts.
     fn count_sums(&mut self) {
-        let Self { sums, counts, .. } = self;
+        let Self { sums, pixel, .. } = self;
+        let counts = pixel.path();
         for shadow in [false, true] {
             let [nodes, leaves] = &mut sums[usize::from(shadow)];
             counts.add_visits(shadow, nodes.take(), leaves.take());
@@ -310,12 +312,12 @@ pub struct BookedPath<'v, 'p> {
 }
 
 impl BookedPath<'_, '_> {
-    /// Closes the path ([`PixelVisit::add`]).
+    /// Closes the path ([`PixelVisit::end`]).
     #[inline(always)]
     pub fn end(self, end: PathEnd) {
         let state = &mut self.visit.state;
         state.count_sums();
-        state.pixel.add(&state.counts, end);
+        state.pixel.end(end);
     }
 }
 
@@ -334,7 +336,7 @@ impl<'p> Probe for BookedPath<'_, 'p> {
             // The path is where it leaves from: its last ray but for shadow rays has landed there.
             state.left = state.aside.landed(state.left, spawner);
         }
-        state.counts.untraced(by);
+        state.counts().untraced(by);
         state.key = state.key_of(spawner, by);
         state.visits = [Pair::NOTHING; PAIRS];
         let row = &mut pairs[state.aside.row(spawner)];
@@ -344,24 +346,24 @@ impl<'p> Probe for BookedPath<'_, 'p> {
     #[inline(always)]
     fn untraced(&mut self, by: Spawner) {
         let state = &mut self.visit.state;
-        state.counts.untraced(by);
+        state.counts().untraced(by);
         let key = state.key_of(state.payers.slot(by.object), by);
         state.bins.add_ray(key, false, [Pair::NOTHING; PAIRS], false);
     }
 
     #[inline(always)]
     fn bsdf(&mut self, evaluations: u32) {
-        self.visit.state.counts.bsdf(evaluations);
+        self.visit.state.counts().bsdf(evaluations);
     }
 
     #[inline(always)]
     fn texture(&mut self, lookups: u32, bytes: u32) {
-        self.visit.state.counts.texture(lookups, bytes);
+        self.visit.state.counts().texture(lookups, bytes);
     }
 
     #[inline(always)]
     fn light(&mut self, left: u32, luminance: f32) {
-        self.visit.state.counts.light(left, luminance);
+        self.visit.state.counts().light(left, luminance);
     }
 }
 

@@ -1,7 +1,7 @@
-//! The counts of one path, and their sums over one visit of a pixel.
+//! The counts of the paths of one visit of a pixel.
 //!
-//! A visit of a ray adds to its path's counts at once, so that a ray has nothing to hand over when it ends; a path's counts are
-//! added as a whole; the pixel is written once per visit.
+//! A visit of a node adds to the counts of its pixel's visit at once, so that neither a ray nor a path has anything to hand over when
+//! it ends; what is asked of single paths is the difference to what was counted before it. The pixel is written once per visit.
 
 use super::{CostPixel, PathEnd};
 use crate::counter::{Cause, Counter};
@@ -11,15 +11,22 @@ use hotspot_probe::{Probe, RayKind, RayProbe, Spawner};
 /// Which of a pair of sums shadow rays have; the other is that of camera and bounce rays.
 const SHADOW: usize = 1;
 
+/// Sums of one kind of ray. What is added to at once or read at once is not side by side: compilers would make vectors of it, that
+/// cannot be kept in a register during a traversal as two numbers can, and whose loads wait until what the last ray wrote has reached the cache.
+#[derive(Clone, Copy, Debug, Default)]
+struct Visits {
+    nodes: u64,
+    leaves: u64,
+    rays: u64,
+    boxes: u64,
+    shapes: u64,
+    instances: u64,
+}
+
 /// Sums by kind of ray, and what no kind is asked of.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counts {
-    rays: [u64; 2],
-    nodes: [u64; 2],
-    boxes: [u64; 2],
-    leaves: [u64; 2],
-    shapes: [u64; 2],
-    instances: [u64; 2],
+    visits: [Visits; 2],
     bsdf: u64,
     texture: u64,
     texture_bytes: u64,
@@ -27,30 +34,22 @@ struct Counts {
 }
 
 impl Counts {
+    /// Rays, nodes, shapes.
     #[inline(always)]
-    fn add(&mut self, other: &Self) {
-        for kind in 0..2 {
-            self.rays[kind] += other.rays[kind];
-            self.nodes[kind] += other.nodes[kind];
-            self.boxes[kind] += other.boxes[kind];
-            self.leaves[kind] += other.leaves[kind];
-            self.shapes[kind] += other.shapes[kind];
-            self.instances[kind] += other.instances[kind];
-        }
-        self.bsdf += other.bsdf;
-        self.texture += other.texture;
-        self.texture_bytes += other.texture_bytes;
-        self.alpha_tests += other.alpha_tests;
+    fn totals(&self) -> [u64; 3] {
+        let [others, shadow] = &self.visits;
+        [others.rays + shadow.rays, others.nodes + shadow.nodes, others.shapes + shadow.shapes]
     }
 }
 
-/// The counts of one path: the [`Probe`] to hand to a path loop, to be added to its pixel ([`PixelVisit::add`]).
+/// The counts of a path and of those before it in the same visit of a pixel: the [`Probe`] to hand to a path loop
+/// ([`PixelVisit::path`]).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PathCounts {
     counts: Counts,
-    /// Nodes and shapes of blocked shadow rays.
+    /// Nodes and shapes of the path's blocked shadow rays.
     blocked: [u64; 2],
-    /// Light among the last terms before the depth limit, and whether there was any.
+    /// The path's light among the last terms before the depth limit, and whether there was any.
     cut: DepthCut,
     near_limit: bool,
 }
@@ -59,11 +58,11 @@ impl PathCounts {
     /// Adds visits of nodes with their boxes, and of leaf blocks with their shapes.
     #[inline(always)]
     pub(crate) fn add_visits(&mut self, shadow: bool, [nodes, boxes]: [u64; 2], [leaves, shapes]: [u64; 2]) {
-        let kind = usize::from(shadow);
-        self.counts.nodes[kind] += nodes;
-        self.counts.boxes[kind] += boxes;
-        self.counts.leaves[kind] += leaves;
-        self.counts.shapes[kind] += shapes;
+        let visits = &mut self.counts.visits[usize::from(shadow)];
+        visits.nodes += nodes;
+        visits.boxes += boxes;
+        visits.leaves += leaves;
+        visits.shapes += shapes;
     }
 
     /// Of the visits that were added these were of blocked shadow rays.
@@ -74,7 +73,7 @@ impl PathCounts {
     }
 
     pub(crate) fn add_instances(&mut self, shadow: bool, instances: u64) {
-        self.counts.instances[usize::from(shadow)] += instances;
+        self.counts.visits[usize::from(shadow)].instances += instances;
     }
 
     /// Adds an alpha test of any ray.
@@ -92,13 +91,14 @@ impl Probe for PathCounts {
     #[inline(always)]
     fn ray(&mut self, by: Spawner) -> RayCounter<'_> {
         self.untraced(by);
-        let before = [self.counts.nodes[SHADOW], self.counts.shapes[SHADOW]];
+        let Visits { nodes, shapes, .. } = self.counts.visits[SHADOW];
+        let before = [nodes, shapes];
         RayCounter { kind: usize::from(by.kind == RayKind::Shadow), before, path: self }
     }
 
     #[inline(always)]
     fn untraced(&mut self, by: Spawner) {
-        self.counts.rays[usize::from(by.kind == RayKind::Shadow)] += 1;
+        self.counts.visits[usize::from(by.kind == RayKind::Shadow)].rays += 1;
     }
 
     #[inline(always)]
@@ -124,26 +124,28 @@ pub struct RayCounter<'r> {
     path: &'r mut PathCounts,
     /// Which of each pair of sums.
     kind: usize,
-    /// Nodes and shapes of the path's shadow rays before this one.
+    /// Nodes and shapes of shadow rays before this one.
     before: [u64; 2],
 }
 
 impl RayProbe for RayCounter<'_> {
     #[inline(always)]
     fn node(&mut self, _id: u32, boxes: u32) {
-        self.path.counts.nodes[self.kind] += 1;
-        self.path.counts.boxes[self.kind] += u64::from(boxes);
+        let visits = &mut self.path.counts.visits[self.kind];
+        visits.nodes += 1;
+        visits.boxes += u64::from(boxes);
     }
 
     #[inline(always)]
     fn leaf(&mut self, _id: u32, shapes: u32) {
-        self.path.counts.leaves[self.kind] += 1;
-        self.path.counts.shapes[self.kind] += u64::from(shapes);
+        let visits = &mut self.path.counts.visits[self.kind];
+        visits.leaves += 1;
+        visits.shapes += u64::from(shapes);
     }
 
     #[inline(always)]
     fn instance(&mut self, _id: u32) {
-        self.path.counts.instances[self.kind] += 1;
+        self.path.counts.visits[self.kind].instances += 1;
     }
 
     #[inline(always)]
@@ -154,8 +156,8 @@ impl RayProbe for RayCounter<'_> {
     #[inline(always)]
     fn finish(self, hit: bool) {
         if self.kind == SHADOW && hit {
-            let Counts { nodes, shapes, .. } = self.path.counts;
-            self.path.add_blocked(nodes[SHADOW] - self.before[0], shapes[SHADOW] - self.before[1]);
+            let Visits { nodes, shapes, .. } = self.path.counts.visits[SHADOW];
+            self.path.add_blocked(nodes - self.before[0], shapes - self.before[1]);
         }
     }
 }
@@ -165,7 +167,9 @@ impl RayProbe for RayCounter<'_> {
 #[derive(Debug)]
 pub struct PixelVisit<'t> {
     pixel: &'t mut CostPixel,
-    counts: Counts,
+    path: PathCounts,
+    /// [`Counts::totals`] before the path.
+    before: [u64; 3],
     /// Nodes and shapes.
     waste: [u64; 2],
     /// Paths by [`Cause`].
@@ -175,23 +179,36 @@ pub struct PixelVisit<'t> {
 impl<'t> PixelVisit<'t> {
     #[inline(always)]
     pub(super) fn new(pixel: &'t mut CostPixel) -> Self {
-        Self { pixel, counts: Counts::default(), waste: [0; 2], causes: [0; 4] }
+        Self::of(pixel, PathCounts::default())
     }
 
-    /// Adds a path that has ended.
+    /// A visit whose first path has counted this.
     #[inline(always)]
-    pub fn add(&mut self, path: &PathCounts, end: PathEnd) {
-        let Self { pixel, counts, waste, causes } = self;
-        counts.add(&path.counts);
-        let all = |[others, shadow]: [u64; 2]| others + shadow;
-        let (nodes, shapes) = (all(path.counts.nodes), all(path.counts.shapes));
+    pub(super) fn of(pixel: &'t mut CostPixel, path: PathCounts) -> Self {
+        Self { pixel, path, before: [0; 3], waste: [0; 2], causes: [0; 4] }
+    }
+
+    /// The probe of the next path, which must be ended ([`Self::end`]).
+    #[inline(always)]
+    pub fn path(&mut self) -> &mut PathCounts {
+        &mut self.path
+    }
+
+    /// Ends the path.
+    #[inline(always)]
+    pub fn end(&mut self, end: PathEnd) {
+        let Self { pixel, path, before, waste, causes } = self;
+        let all = path.counts.totals();
+        let [rays, nodes, shapes] = [all[0] - before[0], all[1] - before[1], all[2] - before[2]];
+        *before = all;
         let wasted = if end.brought_radiance { path.blocked } else { [nodes, shapes] };
+        path.blocked = [0; 2];
         waste[0] += wasted[0];
         waste[1] += wasted[1];
         causes[end.cause as usize] += 1;
         // By way of i64, one instruction each: nothing is ever as large as its sign bit.
         let real = |count: u64| count as i64 as f64;
-        let (rays, nodes, shapes) = (real(all(path.counts.rays)), real(nodes), real(shapes));
+        let (rays, nodes, shapes) = (real(rays), real(nodes), real(shapes));
         pixel.squares[0] += rays * rays;
         pixel.squares[1] += nodes * nodes;
         pixel.squares[2] += shapes * shapes;
@@ -200,9 +217,14 @@ impl<'t> PixelVisit<'t> {
         if end.cause == Cause::DepthLimit {
             pixel.cut.throughput += f64::from(end.throughput);
         }
-        // Radiance that is not finite counts as none; few paths find light so near the limit.
-        if path.near_limit && end.brought_radiance {
-            pixel.cut.add(&path.cut);
+        // Few paths find light so near the limit.
+        if path.near_limit {
+            // Radiance that is not finite counts as none.
+            if end.brought_radiance {
+                pixel.cut.add(&path.cut);
+            }
+            path.cut = DepthCut::default();
+            path.near_limit = false;
         }
         if pixel.samples == 0 {
             pixel.first_object = end.first_object;
@@ -214,21 +236,22 @@ impl<'t> PixelVisit<'t> {
 impl Drop for PixelVisit<'_> {
     #[inline(always)]
     fn drop(&mut self) {
-        let Self { pixel, counts, waste, causes } = self;
-        let mut both = |of: [u64; 2], all: Counter, shadow: Counter| {
-            pixel.add(all, of[0] + of[1]);
-            pixel.add(shadow, of[SHADOW]);
+        let Self { pixel, path, waste, causes, .. } = self;
+        let Counts { visits: [others, shadow], bsdf, texture, texture_bytes, alpha_tests } = path.counts;
+        let mut both = |of: fn(&Visits) -> u64, all: Counter, of_shadow: Counter| {
+            pixel.add(all, of(&others) + of(&shadow));
+            pixel.add(of_shadow, of(&shadow));
         };
-        both(counts.rays, Counter::Rays, Counter::RaysShadow);
-        both(counts.nodes, Counter::Nodes, Counter::NodesShadow);
-        both(counts.shapes, Counter::Shapes, Counter::ShapesShadow);
-        both(counts.boxes, Counter::Boxes, Counter::BoxesShadow);
-        both(counts.leaves, Counter::Leaves, Counter::LeavesShadow);
-        both(counts.instances, Counter::Instances, Counter::InstancesShadow);
-        pixel.add(Counter::Bsdf, counts.bsdf);
-        pixel.add(Counter::Texture, counts.texture);
-        pixel.add(Counter::TextureBytes, counts.texture_bytes);
-        pixel.add(Counter::AlphaTests, counts.alpha_tests);
+        both(|v| v.rays, Counter::Rays, Counter::RaysShadow);
+        both(|v| v.nodes, Counter::Nodes, Counter::NodesShadow);
+        both(|v| v.shapes, Counter::Shapes, Counter::ShapesShadow);
+        both(|v| v.boxes, Counter::Boxes, Counter::BoxesShadow);
+        both(|v| v.leaves, Counter::Leaves, Counter::LeavesShadow);
+        both(|v| v.instances, Counter::Instances, Counter::InstancesShadow);
+        pixel.add(Counter::Bsdf, bsdf);
+        pixel.add(Counter::Texture, texture);
+        pixel.add(Counter::TextureBytes, texture_bytes);
+        pixel.add(Counter::AlphaTests, alpha_tests);
         pixel.add(Counter::WasteNodes, waste[0]);
         pixel.add(Counter::WasteShapes, waste[1]);
         for cause in [Cause::Escaped, Cause::Absorbed, Cause::Roulette, Cause::DepthLimit] {

@@ -266,9 +266,8 @@ fn visits_of_several_paths_leave_what_paths_one_by_one_do() {
         let mut pixel = frame.tiles_mut()[0].pixel(1, 0, 0);
         let mut visit = pixel.visit();
         for _ in 0..visit_of {
-            let mut path = PathCounts::default();
-            some_rays(&mut path, &mut randoms[1]);
-            visit.add(&path, end(&mut randoms[1]));
+            some_rays(visit.path(), &mut randoms[1]);
+            visit.end(end(&mut randoms[1]));
         }
     }
     let [one_by_one, visits] = [0, 1].map(|x| *frame.cost(x, 0, 0).unwrap());
