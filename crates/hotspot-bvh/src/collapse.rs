@@ -247,7 +247,7 @@ impl Emitter<'_> {
     }
 
     /// Blocks first, and how many they are: any-hit queries try them before they descend. Then by area per triangle, largest first:
-    /// what is large is likely to block the ray, and what holds little is soon searched.
+    /// what is large is likely to block the ray, and what holds little is soon searched. (An instance counts as one triangle.)
     fn sorted(&self, roots: &Places) -> (Places, usize) {
         let mut sorted = Places::default();
         let mut blocks = 0;

@@ -303,7 +303,7 @@ impl PixelRecorder<'_> {
     /// Opens a path. Nothing is recorded before [`PathRecorder::end`].
     #[inline(always)]
     pub fn path(&mut self) -> PathRecorder<'_> {
-        PathRecorder { pixel: self.pixel, path: PathCounts::default() }
+        PathRecorder { pixel: self.pixel, path: PathCounts::none() }
     }
 
     /// Opens the pixel for several paths at once, which takes less of each.

@@ -7,9 +7,10 @@ use hotspot_scene::{Alpha, Bsdf, Material, Mesh, Scene};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum SceneClass {
-    /// Untextured matte surfaces only.
+    /// Untextured matte surfaces only; lit by surfaces and constant environments, as up to `Textured`.
     Matte,
-    /// Untextured surfaces of every kind.
+    /// Surfaces without anything that varies, such as textures and vertex colours, and without mixed and unlit materials and
+    /// absorption.
     Lobes,
     /// Surfaces of every kind, but neither cutouts nor instances, environment maps nor punctual lights.
     Textured,

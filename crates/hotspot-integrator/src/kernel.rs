@@ -96,7 +96,7 @@ impl WithSimd for TileJob<'_> {
             return self.run_without(simd, feature);
         }
         if self.kernel.path.learned.is_some() {
-            // The lesser classes have none of their own: what it would save is little beside what it takes to compile.
+            // Matte and lobes take that of textured: what it would save is little beside what it takes to compile.
             return match self.kernel.scene.class() {
                 SceneClass::Matte | SceneClass::Lobes | SceneClass::Textured => simd.vectorize(
                     #[inline(always)]

@@ -171,7 +171,8 @@ impl RenderScene {
         })
     }
 
-    /// Renders with kernels that lack `feature` from now on, for benches: a scene that uses it is drawn wrong.
+    /// Renders with kernels that lack `feature` from now on, for benches: a scene that uses it is drawn wrong, and
+    /// one that has instances may panic without them.
     #[cfg(hotspot_ablation)]
     pub fn set_without(&mut self, feature: Option<crate::Feature>) {
         self.without = feature;

@@ -152,7 +152,8 @@ struct State<'p> {
 const BLOCKED: usize = 2;
 
 impl<'p> BookedVisit<'p> {
-    /// Opens a path. To be ended ([`BookedPath::end`]): one that is not would be in the ledgers but not in the frame.
+    /// Opens a path. To be ended ([`BookedPath::end`]): one that is not would be counted as a part of the next path, or
+    /// without a sample.
     #[inline(always)]
     pub fn path(&mut self) -> BookedPath<'_, 'p> {
         self.state.left = 0;

@@ -43,8 +43,8 @@ impl Counts {
 }
 
 /// The counts of a path and of those before it in the same visit of a pixel: the [`Probe`] to hand to a path loop
-/// ([`PixelVisit::path`]).
-#[derive(Clone, Copy, Debug, Default)]
+/// ([`PixelVisit::path`]). There is none but a visit's own: what it held before decides what a path is said to have counted.
+#[derive(Debug)]
 pub struct PathCounts {
     counts: Counts,
     /// Nodes and shapes of the path's blocked shadow rays.
@@ -55,6 +55,11 @@ pub struct PathCounts {
 }
 
 impl PathCounts {
+    #[inline(always)]
+    pub(super) fn none() -> Self {
+        Self { counts: Counts::default(), blocked: [0; 2], cut: DepthCut::default(), near_limit: false }
+    }
+
     /// Adds visits of nodes with their boxes, and of leaf blocks with their shapes.
     #[inline(always)]
     pub(crate) fn add_visits(&mut self, shadow: bool, [nodes, boxes]: [u64; 2], [leaves, shapes]: [u64; 2]) {
@@ -179,7 +184,7 @@ pub struct PixelVisit<'t> {
 impl<'t> PixelVisit<'t> {
     #[inline(always)]
     pub(super) fn new(pixel: &'t mut CostPixel) -> Self {
-        Self::of(pixel, PathCounts::default())
+        Self::of(pixel, PathCounts::none())
     }
 
     /// A visit whose first path has counted this.
@@ -188,7 +193,8 @@ impl<'t> PixelVisit<'t> {
         Self { pixel, path, before: [0; 3], waste: [0; 2], causes: [0; 4] }
     }
 
-    /// The probe of the next path, which must be ended ([`Self::end`]).
+    /// The probe of the next path, which must be ended ([`Self::end`]): what one that is not has counted would be in the frame as
+    /// a part of the next path, or without a sample.
     #[inline(always)]
     pub fn path(&mut self) -> &mut PathCounts {
         &mut self.path

@@ -1,4 +1,5 @@
 use super::*;
+use crate::ledger::{Ledger, Payer, PayerDesc, Payers};
 use crate::testing::{Random, SHADOW, random_frame, random_path};
 use crate::{CostModel, Frame, FrameDesc, LayerOptions, Layers, Metric, MetricSet, Sum, stats};
 use hotspot_probe::RayProbe;
@@ -247,8 +248,16 @@ fn some_rays<P: Probe>(path: &mut P, random: &mut Random) {
 
 #[test]
 fn visits_of_several_paths_leave_what_paths_one_by_one_do() {
-    let mut frame = Frame::new(FrameDesc::new(2, 1));
-    let mut randoms = [Random::new(8), Random::new(8)];
+    let mut frame = Frame::new(FrameDesc::new(3, 1));
+    let mut randoms = [Random::new(8), Random::new(8), Random::new(8)];
+    let payers = Payers::new(&PayerDesc {
+        nodes: vec![Payer::Object(0); 5],
+        blocks: vec![Payer::Object(1); 5],
+        instances: vec![0],
+        triangles: vec![3, 5],
+        lights: vec![1],
+    });
+    let mut ledger = Ledger::new(&payers);
     for visit_of in [1, 3, 2, 7, 200] {
         let end = |random: &mut Random| PathEnd {
             cause: [Cause::Escaped, Cause::Absorbed, Cause::Roulette, Cause::DepthLimit]
@@ -269,9 +278,18 @@ fn visits_of_several_paths_leave_what_paths_one_by_one_do() {
             some_rays(visit.path(), &mut randoms[1]);
             visit.end(end(&mut randoms[1]));
         }
+        drop(visit);
+        let mut pixel = frame.tiles_mut()[0].pixel(2, 0, 0);
+        let mut visit = ledger.visit(&payers, pixel.visit());
+        for _ in 0..visit_of {
+            let mut path = visit.path();
+            some_rays(&mut path, &mut randoms[2]);
+            path.end(end(&mut randoms[2]));
+        }
     }
-    let [one_by_one, visits] = [0, 1].map(|x| *frame.cost(x, 0, 0).unwrap());
+    let [one_by_one, visits, booked] = [0, 1, 2].map(|x| *frame.cost(x, 0, 0).unwrap());
     assert_eq!(visits, one_by_one);
+    assert_eq!(booked, one_by_one);
     assert!(visits.counts.iter().all(|sum| *sum > 0) && visits.samples == 213);
     assert!(visits.cut.throughput > 0.0 && visits.cut.last.iter().all(|sum| *sum > 0.0));
 }
