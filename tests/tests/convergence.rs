@@ -15,7 +15,7 @@
 //!
 //! Short: 4 × 16 samples per pixel. Long (ignored): 8 × 128.
 
-use hotspot_integrator::Settings;
+use hotspot_integrator::{Roulette, Settings};
 use hotspot_tests::agreement::{Difference, Estimate, Tests};
 use hotspot_tests::picture::{Picture, picture, settings};
 use hotspot_tests::reference::{Loaded, Reference, reference, shared_scene};
@@ -46,70 +46,70 @@ const LONG_TILES: Effort = Effort { renders: 8, spp: 128, steps: &[] };
 
 #[test]
 fn killeroo() {
-    check("killeroo", "killeroo_256x256_2048", 64, Some(4), &SHORT);
+    check("killeroo", "killeroo_256x256_2048", 64, Roulette::From(4), &SHORT);
 }
 
 #[test]
 fn cornell_red() {
-    check("cornell-box-red", "cornell-box-red_256x256_4096", 64, Some(4), &SHORT);
+    check("cornell-box-red", "cornell-box-red_256x256_4096", 64, Roulette::From(4), &SHORT);
 }
 
 #[test]
 fn cornell_blue() {
-    check("cornell-box-blue", "cornell-box-blue_256x256_4096", 64, Some(4), &SHORT_TILES);
+    check("cornell-box-blue", "cornell-box-blue_256x256_4096", 64, Roulette::From(4), &SHORT_TILES);
 }
 
 #[test]
 fn cornell_red_direct_light_only() {
-    check("cornell-box-red", "cornell-box-red_direct_256x256_2048", 1, None, &SHORT);
+    check("cornell-box-red", "cornell-box-red_direct_256x256_2048", 1, Roulette::Off, &SHORT);
 }
 
 #[test]
 fn cornell_red_up_to_five_bounces() {
-    check("cornell-box-red", "cornell-box-red_depth6_256x256_512", 5, None, &SHORT_TILES);
+    check("cornell-box-red", "cornell-box-red_depth6_256x256_512", 5, Roulette::Off, &SHORT_TILES);
 }
 
 #[test]
 fn veach_mis() {
-    check("veach-mis", "veach-mis_300x200_4140", 64, Some(4), &SHORT_TILES);
+    check("veach-mis", "veach-mis_300x200_4140", 64, Roulette::From(4), &SHORT_TILES);
 }
 
 #[test]
 fn living_room_substrate() {
-    check("living-room-substrate", "living-room-substrate_320x180_3456", 64, Some(4), &FEW_TILES);
+    check("living-room-substrate", "living-room-substrate_320x180_3456", 64, Roulette::From(4), &FEW_TILES);
 }
 
 #[test]
 fn living_room_matte() {
-    check("living-room-matte", "living-room-matte_320x180_2160", 64, Some(4), &FEW_TILES);
+    check("living-room-matte", "living-room-matte_320x180_2160", 64, Roulette::From(4), &FEW_TILES);
 }
 
 #[test]
 #[ignore = "minutes of rendering: the long version of the tests above; run in release"]
 fn long() {
-    check("cornell-box-red", "cornell-box-red_direct_256x256_2048", 1, None, &LONG);
-    check("cornell-box-red", "cornell-box-red_depth6_256x256_512", 5, None, &LONG_TILES);
-    check("cornell-box-red", "cornell-box-red_256x256_4096", 64, Some(4), &LONG);
-    check("cornell-box-red", "cornell-box-red_256x256_4096", 64, None, &LONG_TILES);
-    check("cornell-box-blue", "cornell-box-blue_256x256_4096", 64, Some(4), &LONG);
-    check("killeroo", "killeroo_256x256_2048", 64, Some(4), &LONG);
+    check("cornell-box-red", "cornell-box-red_direct_256x256_2048", 1, Roulette::Off, &LONG);
+    check("cornell-box-red", "cornell-box-red_depth6_256x256_512", 5, Roulette::Off, &LONG_TILES);
+    check("cornell-box-red", "cornell-box-red_256x256_4096", 64, Roulette::From(4), &LONG);
+    check("cornell-box-red", "cornell-box-red_256x256_4096", 64, Roulette::Off, &LONG_TILES);
+    check("cornell-box-blue", "cornell-box-blue_256x256_4096", 64, Roulette::From(4), &LONG);
+    check("killeroo", "killeroo_256x256_2048", 64, Roulette::From(4), &LONG);
 }
 
 #[test]
 #[ignore = "many minutes of rendering: textures, masks, metals, glass and many lights; run in release"]
 fn long_real_scenes() {
-    check("veach-mis", "veach-mis_300x200_4140", 64, Some(4), &LONG);
-    check("living-room-substrate", "living-room-substrate_320x180_3456", 64, Some(4), &LONG);
-    check("living-room-matte", "living-room-matte_320x180_2160", 64, Some(4), &LONG);
+    check("veach-mis", "veach-mis_300x200_4140", 64, Roulette::From(4), &LONG);
+    check("living-room-substrate", "living-room-substrate_320x180_3456", 64, Roulette::From(4), &LONG);
+    check("living-room-matte", "living-room-matte_320x180_2160", 64, Roulette::From(4), &LONG);
 }
 
-fn check(scene: &str, name: &str, max_depth: u32, roulette_from: Option<u32>, effort: &Effort) {
+fn check(scene: &str, name: &str, max_depth: u32, roulette: Roulette, effort: &Effort) {
     let (Some(file), Some(reference)) = (shared_scene(scene), reference(name)) else { return };
     let loaded = Loaded::new(&file);
     let (width, height) = (reference.mean.width, reference.mean.height);
     let with = |spp, seed| {
         let mut settings: Settings = settings(width as u32, height as u32, spp, max_depth, seed);
-        settings.roulette_from = roulette_from;
+        settings.roulette = roulette;
         picture(&loaded.scene, &loaded.camera, &settings)
     };
     let renders: Vec<Picture> = (1..=effort.renders).map(|seed| with(effort.spp, seed)).collect();

@@ -6,7 +6,7 @@
 
 use hotspot_bvh::{Candidate, Filter, NO_INSTANCE, Ray, RayProbe, oracle};
 use hotspot_cost::{CostPixel, Counter, Frame, Metric};
-use hotspot_integrator::{Gather, Instancing, RenderScene, Settings};
+use hotspot_integrator::{Gather, Instancing, RenderScene, Roulette, Settings};
 use hotspot_scene::{Alpha, Bsdf, Camera, Channel, Color, Material, NormalMap, Scalar};
 use hotspot_tests::picture::{frame, settings};
 use hotspot_tests::reference::own_scene;
@@ -89,7 +89,7 @@ fn rays_between_mirrors_are_depth_plus_one() {
         .prepare();
     for depth in [0u64, 1, 2, 9, 30] {
         let mut settings = settings(4, 4, 2, depth as u32, 0);
-        settings.roulette_from = None;
+        settings.roulette = Roulette::Off;
         let sums = total(&frame(&scene, &pinhole([0.0, 0.0, 0.5], [0.1, 0.0, 0.0], 20.0), &settings).frame);
         assert_eq!(sums.get(Counter::Rays), 32 * (depth + 1), "depth {depth}");
         assert_eq!((sums.get(Counter::RaysShadow), sums.get(Counter::DepthLimit)), (0, 32));
@@ -115,7 +115,7 @@ fn rays_in_a_closed_box() {
     let paths = 16 * 16 * 8;
     for depth in [0u64, 1, 2, 5] {
         let mut settings = settings(16, 16, 8, depth as u32, 0);
-        settings.roulette_from = None;
+        settings.roulette = Roulette::Off;
         let sums = total(&frame(&scene, &pinhole([0.1, 0.2, 0.3], [1.0, 0.0, 0.0], 60.0), &settings).frame);
         let shadow = sums.get(Counter::RaysShadow);
         assert_eq!(sums.get(Counter::Rays) - shadow, paths * (depth + 1));

@@ -6,7 +6,8 @@ use hotspot_cost::{
     CostModel, CostPixel, Counter, Digest, Document, Frame, LayerOptions, Layers, Metric, exr_io, stats,
 };
 use hotspot_integrator::{
-    Control, Gather, Instancing, Isa, PrepareOptions, RenderScene, Settings, Stop, render,
+    Control, Gather, Instancing, Isa, LightChoice, PrepareOptions, RenderScene, Roulette, Settings, Stop,
+    render,
 };
 use hotspot_scene::{Alpha, Bsdf, Camera, Channel, Color, Material, NormalMap, Scalar, Scene};
 use hotspot_tests::picture::{frame, settings};
@@ -195,6 +196,29 @@ fn trees_do_not_depend_on_threads_or_instruction_set() {
     }
 }
 
+/// What is learned before the first sample: lights and roulette, over scenes that have something to learn.
+#[test]
+fn what_is_learned_does_not_depend_on_threads_or_samples() {
+    for (name, scene, camera) in scenes() {
+        let scene = prepared(&scene, Isa::Auto);
+        let mut settings = settings(40, 30, 4, 8, 3);
+        settings.roulette = Roulette::Efficient;
+        settings.light_choice = LightChoice::Learned;
+        let one = on_threads(1, &scene, &camera, &settings);
+        for threads in [2, 7] {
+            let other = on_threads(threads, &scene, &camera, &settings);
+            assert_same(&one, &other, &format!("{name} on {threads} threads"));
+        }
+        // Stopped early: what was done is what a shorter render gives.
+        let cancel = AtomicBool::new(true);
+        settings.spp = 64;
+        let control = Control { cancel: Some(&cancel), ..Control::default() };
+        let stopped = render(&scene, &camera, &settings, control);
+        assert_eq!((stopped.stop, stopped.samples), (Stop::Cancelled, 4));
+        assert_same(&one, &stopped.frame, &format!("{name}, stopped early"));
+    }
+}
+
 /// The words really tell trees apart.
 #[test]
 fn different_trees_have_different_words() {
@@ -317,13 +341,14 @@ fn what_matters_shows() {
     };
     let plain = digest(&|_| {});
     assert_eq!(plain, digest(&|_| {}));
-    let changes: [&dyn Fn(&mut Settings); 6] = [
+    let changes: [&dyn Fn(&mut Settings); 7] = [
         &|s| s.seed = 1,
         &|s| s.seed = 1 << 32,
         &|s| s.spp = 5,
         &|s| s.max_depth = 6,
         &|s| s.sampler = hotspot_integrator::SamplerKind::Independent,
         &|s| s.intervals = true,
+        &|s| s.roulette = Roulette::Efficient,
     ];
     for (i, change) in changes.into_iter().enumerate() {
         let other = digest(change);

@@ -3,7 +3,7 @@
 //! Unidirectional path tracing with one light sample at each non-specular vertex; multiple importance sampling (power
 //! heuristic) between light and BSDF sampling. The BSDF half reuses the continuation ray, so a vertex casts two rays, not
 //! three as in pbrt-v3. Roulette follows pbrt-v3 (Pharr, Jakob, Humphreys, *Physically Based Rendering*, 3rd edition,
-//! section 14.5.4). Shading happens in the shading frame, turned to the side of the path; emitters use geometric normals.
+//! section 14.5.4) or goes for efficiency ([`roulette`](crate::roulette)). Shading happens in the shading frame, turned to the side of the path; emitters use geometric normals.
 
 use crate::bsdf::Bsdf;
 use crate::cast::{closest_hit, occluded};
@@ -12,6 +12,7 @@ use crate::cutout::presence;
 use crate::geometry::{Attributes, Part, SurfacePoint};
 use crate::light::{Learned, LightTarget, Viewpoint, area_to_solid_angle, ray_to_position};
 use crate::math::{Frame, power_heuristic};
+use crate::roulette::Survival;
 use crate::sampler::{Dimensions, Sampler};
 use crate::scene::RenderScene;
 use crate::surface::{bumped, resolve};
@@ -30,8 +31,8 @@ const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 pub(crate) struct PathSettings<'a> {
     /// Most scattering events.
     pub(crate) max_depth: u32,
-    /// Index of the first surface vertex after which roulette may end the path; `u32::MAX`: never.
-    pub(crate) roulette_from: u32,
+    /// Where and how likely roulette ends the path.
+    pub(crate) roulette: Survival,
     /// Whether shadow rays are traced or only counted.
     pub(crate) trace_shadow_rays: bool,
     /// What was learned about lights, for kernels of [`Learning`](crate::class::Learning).
@@ -92,7 +93,8 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
     let mut wo = -Vec3::from_array(ray.direction);
     let mut radiance = Vec3::ZERO;
     let mut throughput = Vec3::ONE;
-    let mut eta_scale = 1.0f32;
+    // Survival in roulette over throughput: squares of the indices of refraction crossed, and a gain where there is one.
+    let mut survival_scale = 1.0f32;
     let mut spawner = Spawner::CAMERA;
     let mut scattered = Scattered { pdf: f32::INFINITY, cos: 1.0, from: Viewpoint::NONE };
     let learned = if C::LEARNED { settings.learned } else { None };
@@ -232,10 +234,15 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
             return end(radiance, Cause::Absorbed, throughput, first_object);
         };
         throughput *= sample.weight;
-        eta_scale *= sample.eta_scale;
+        survival_scale *= sample.eta_scale;
+        if bounces == 0
+            && let Some(gain) = settings.roulette.gain
+        {
+            survival_scale *= Survival::relative(gain, throughput.max_element());
+        }
 
-        if bounces >= settings.roulette_from {
-            let survival = throughput.max_element() * eta_scale;
+        if bounces >= settings.roulette.from {
+            let survival = throughput.max_element() * survival_scale;
             if survival < 1.0 {
                 let survival = survival.min(0.95);
                 if sampler.get(Dimensions::choices(bounces))[1] >= survival {
@@ -245,6 +252,9 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
             }
         }
 
+        if P::ON {
+            probe.scattered(throughput.max_element());
+        }
         let wi = frame.to_world(sample.wi);
         let side = if wi.dot(geometric) < 0.0 { -geometric } else { geometric };
         // Which side the path is on goes by the surface as it is, not as it is shaded: so the ray leaves it.

@@ -5,6 +5,7 @@ use crate::camera::FilmCamera;
 use crate::kernel::{Kernel, Lost, NonFinite, TileJob};
 use crate::light::{Learned, Lessons};
 use crate::path::PathSettings;
+use crate::roulette::{Pilot, Roulette, Survival};
 use crate::sampler::SamplerKind;
 use crate::scene::RenderScene;
 use hotspot_bvh::simd::dispatch;
@@ -57,8 +58,8 @@ pub struct Settings {
     pub intervals: bool,
     /// Sample points.
     pub sampler: SamplerKind,
-    /// Surface vertex (from 0) at which Russian roulette begins; `None`: never.
-    pub roulette_from: Option<u32>,
+    /// When Russian roulette may end a path.
+    pub roulette: Roulette,
     /// What to gather.
     pub gather: Gather,
     /// Book what is counted by what sent it and by what it met.
@@ -96,7 +97,7 @@ impl Settings {
             seed: 0,
             intervals: false,
             sampler: SamplerKind::Sobol,
-            roulette_from: Some(4),
+            roulette: Roulette::From(4),
             gather: Gather::ALL,
             ledgers: false,
             adaptive: false,
@@ -114,21 +115,47 @@ impl Settings {
         FilmCamera::new(camera, self.aspect.unwrap_or(square))
     }
 
-    /// What is learned about the scene's lights, where that is asked for and worth it.
-    pub(crate) fn learned(&self, scene: &RenderScene, camera: &FilmCamera) -> Option<Learned> {
+    /// What is learned about the scene before its first sample, where that is asked for and worth it. Without a camera nothing is.
+    pub(crate) fn guides(&self, scene: &RenderScene, camera: Option<&FilmCamera>) -> Guides {
         let lessons = self.light_choice == LightChoice::Learned;
-        Learned::new(scene, camera, self.seed, Lessons { facing: lessons, windows: lessons })
+        let learned = camera.and_then(|camera| {
+            Learned::new(scene, camera, self.seed, Lessons { facing: lessons, windows: lessons })
+        });
+        let survival = Survival::new(self.roulette, |roulette| {
+            let pilot = Pilot {
+                scene,
+                camera: *camera?,
+                size: (self.width, self.height),
+                sampler: self.sampler,
+                seed: self.seed,
+                path: PathSettings {
+                    max_depth: self.max_depth,
+                    roulette,
+                    trace_shadow_rays: true,
+                    learned: learned.as_ref(),
+                },
+            };
+            pilot.gain()
+        });
+        Guides { learned, survival }
     }
 
     /// What the path loop needs to know.
-    pub(crate) fn path<'a>(&self, trace_shadow_rays: bool, learned: Option<&'a Learned>) -> PathSettings<'a> {
+    pub(crate) fn path<'a>(&self, trace_shadow_rays: bool, guides: &'a Guides) -> PathSettings<'a> {
         PathSettings {
             max_depth: self.max_depth,
-            roulette_from: self.roulette_from.unwrap_or(u32::MAX),
+            roulette: guides.survival,
             trace_shadow_rays,
-            learned,
+            learned: guides.learned.as_ref(),
         }
     }
+}
+
+/// What was learned before the first sample.
+#[derive(Debug)]
+pub(crate) struct Guides {
+    learned: Option<Learned>,
+    survival: Survival,
 }
 
 /// How light sampling chooses a light and a direction to it. Unbiased either way; what shadow rays cost depends on it.
@@ -292,14 +319,14 @@ fn render_in_tiles(
     let shelf = Shelf::default();
     let start = Instant::now();
     let camera = settings.film_camera(camera);
-    let learned = settings.learned(scene, &camera);
+    let guides = settings.guides(scene, Some(&camera));
     let pixels = u64::from(settings.width) * u64::from(settings.height);
     let kernel = Kernel {
         scene,
         camera,
         width: settings.width,
         height: settings.height,
-        path: settings.path(gather.trace_shadow_rays, learned.as_ref()),
+        path: settings.path(gather.trace_shadow_rays, &guides),
         sampler: settings.sampler,
         seed: settings.seed,
         halves: frame.halves(),
@@ -426,7 +453,7 @@ fn render_in_tiles(
         kernel: format!(
             "bvh8-single-ray {} {}",
             isa.name(),
-            if learned.is_some() { "learned" } else { scene.class().name() }
+            if guides.learned.is_some() { "learned" } else { scene.class().name() }
         ),
         non_finite,
         non_finite_count,

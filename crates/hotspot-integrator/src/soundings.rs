@@ -33,13 +33,13 @@ pub fn sound(
 ) -> Vec<Vec<Sounding>> {
     let payers = scene.payers();
     let camera = settings.film_camera(camera);
-    let learned = settings.learned(scene, &camera);
+    let guides = settings.guides(scene, Some(&camera));
     let kernel = Kernel {
         scene,
         camera,
         width: settings.width,
         height: settings.height,
-        path: settings.path(true, learned.as_ref()),
+        path: settings.path(true, &guides),
         sampler: settings.sampler,
         seed: settings.seed ^ SEED,
         halves: 1,

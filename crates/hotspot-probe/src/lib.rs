@@ -116,6 +116,9 @@ pub trait Probe {
     /// and third corner have these weights.
     #[inline(always)]
     fn landed(&mut self, _instance: u32, _primitive: u32, _weights: [f32; 2]) {}
+    /// The path goes on from a surface with this throughput (largest component, with what roulette made of it).
+    #[inline(always)]
+    fn scattered(&mut self, _throughput: f32) {}
     /// The path found light, `luminance` per camera sample after all weights, that the depth limit would have let scatter
     /// `left` times more.
     #[inline(always)]

@@ -9,7 +9,7 @@ use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use hotspot_cost::calibration::Profile;
 use hotspot_cost::maps::{ColorMap, Exposure, Scale};
 use hotspot_cost::{CostModel, MetricSet};
-use hotspot_integrator::{LightChoice, SamplerKind};
+use hotspot_integrator::{LightChoice, Roulette, SamplerKind};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -176,8 +176,8 @@ pub(crate) struct FilmArgs {
     /// Most scattering events of a path: 0 shows emitters only, 1 adds direct light
     #[arg(long, value_name = "N", default_value_t = 15)]
     pub(crate) max_depth: u32,
-    /// Surface vertex (from 0) at which Russian roulette begins, or "off"
-    #[arg(long, value_name = "N|off", default_value = "4", value_parser = parse_roulette)]
+    /// Surface vertex (from 0) at which Russian roulette begins, "off", or "efficient": as likely as pays (beyond the paper)
+    #[arg(long, value_name = "N|off|efficient", default_value = "4", value_parser = parse_roulette)]
     pub(crate) roulette: Roulette,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -332,10 +332,6 @@ impl ColorArg {
     }
 }
 
-/// Where roulette begins; `None`: never.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Roulette(pub(crate) Option<u32>);
-
 /// Where the range of a heat map comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum ScaleArg {
@@ -383,10 +379,14 @@ pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
 }
 
 pub(crate) fn parse_roulette(text: &str) -> Result<Roulette, String> {
-    if text == "off" {
-        return Ok(Roulette(None));
+    match text {
+        "off" => Ok(Roulette::Off),
+        "efficient" => Ok(Roulette::Efficient),
+        _ => text
+            .parse()
+            .map(Roulette::From)
+            .map_err(|_| "write a vertex index such as 4, off, or efficient".into()),
     }
-    text.parse().map(|n| Roulette(Some(n))).map_err(|_| "write a vertex index such as 4, or off".into())
 }
 
 pub(crate) fn parse_weight(text: &str) -> Result<f64, String> {

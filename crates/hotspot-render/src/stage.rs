@@ -10,8 +10,8 @@ use hotspot_cost::document::{Note, Stopped, Tree};
 use hotspot_cost::hotspots::Sounding;
 use hotspot_cost::{Document, Frame, LayerOptions};
 use hotspot_integrator::{
-    BakeView, Baked, Control, FirstHit, Quality, RenderScene, Rendered, Settings, Stop, SurfaceMesh, bake,
-    first_hits, render, sound, surface_view, viewpoints,
+    BakeView, Baked, Control, FirstHit, Quality, RenderScene, Rendered, Roulette, Settings, Stop,
+    SurfaceMesh, bake, first_hits, render, sound, surface_view, viewpoints,
 };
 use hotspot_scene::{Camera, Environment, Repair, Scene};
 use serde_json::{Value, json};
@@ -80,7 +80,7 @@ impl<'a> Stage<'a> {
         settings.max_depth = self.film.max_depth;
         settings.seed = self.film.seed;
         settings.sampler = self.film.sampler.kind();
-        settings.roulette_from = self.film.roulette.0;
+        settings.roulette = self.film.roulette;
         settings.adaptive = self.film.adaptive;
         settings.light_choice = self.film.lights.choice();
         settings
@@ -254,7 +254,14 @@ impl<'a> Stage<'a> {
         put("spp", json!(settings.spp));
         put("cost-spp", json!(settings.cost_spp));
         put("max-depth", json!(settings.max_depth));
-        put("roulette", settings.roulette_from.map_or(json!("off"), |from| json!(from)));
+        put(
+            "roulette",
+            match settings.roulette {
+                Roulette::Off => json!("off"),
+                Roulette::From(from) => json!(from),
+                Roulette::Efficient => json!("efficient"),
+            },
+        );
         put("seed", json!(settings.seed));
         put("sampler", json!(settings.sampler.name()));
         put("intervals", json!(settings.intervals));

@@ -4,6 +4,7 @@
 //! outside must stay there, and light that is inside must do what it does in any other room: floor to floor by way of the
 //! mirror, e Σ (ρ r)^k.
 
+use hotspot_integrator::Roulette;
 use hotspot_scene::{Material, Mesh};
 use hotspot_tests::measured::{Measured, measure_with};
 use hotspot_tests::picture::{picture, settings};
@@ -61,7 +62,7 @@ fn lit(gap: f64, turned: bool) -> usize {
     let views = [[0.4, -0.9, 0.2], [-0.5, 0.8, 0.1], [1.0, 0.0, 0.3]];
     let lit = views.iter().enumerate().map(|(i, to)| {
         let mut settings = settings(24, 24, 16, 16, i as u64);
-        settings.roulette_from = None;
+        settings.roulette = Roulette::Off;
         let to = place(add_scaled([0.13, 0.5 * gap, -0.21], 1.0, *to), turned);
         let picture = picture(&scene, &pinhole(eye, to, 100.0), &settings);
         picture.pixels.iter().filter(|p| p.iter().any(|v| *v != 0.0)).count()

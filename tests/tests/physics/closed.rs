@@ -5,6 +5,7 @@
 //! shows. Each case spawns some 10^5 rays.
 
 use hotspot_cost::Counter;
+use hotspot_integrator::Roulette;
 use hotspot_scene::{Bsdf, Color, Material, Mesh};
 use hotspot_tests::picture::{frame, picture, settings};
 use hotspot_tests::world::{
@@ -21,7 +22,7 @@ fn leaks(shell: Mesh, eye: V3, size: f64, material: Material, seed: u64) -> usiz
     for (i, towards) in [[1.0, 0.3, 0.2], [-0.4, -1.0, 0.5], [0.1, 0.2, -1.0]].into_iter().enumerate() {
         let camera = pinhole(eye, add_scaled(eye, size, towards), 120.0);
         let mut settings = settings(24, 24, 4, 16, seed + i as u64);
-        settings.roulette_from = None;
+        settings.roulette = Roulette::Off;
         let picture = picture(&scene, &camera, &settings);
         lit += picture.pixels.iter().filter(|p| p.iter().any(|v| *v != 0.0)).count();
     }

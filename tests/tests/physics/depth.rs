@@ -1,7 +1,7 @@
 //! What the depth limit cuts: against the geometric series of a luminous box, and against what deeper renders show.
 
 use hotspot_cost::DepthLoss;
-use hotspot_integrator::{LightChoice, RenderScene, Settings};
+use hotspot_integrator::{LightChoice, RenderScene, Roulette, Settings};
 use hotspot_scene::Camera;
 use hotspot_tests::picture::{frame, picture, settings};
 use hotspot_tests::reference::{Loaded, own_scene};
@@ -26,18 +26,19 @@ fn a_luminous_box_loses_the_rest_of_the_series() {
     let camera = pencil([0.1, 0.05, -0.2], [-0.3, -0.6, 0.7]);
     let rho = f64::from(rho);
     for (depth, roulette, choice) in [
-        (2, None, LightChoice::Power),
-        (3, Some(0), LightChoice::Power),
-        (6, None, LightChoice::Learned),
-        (6, Some(4), LightChoice::Power),
-        (15, Some(4), LightChoice::Power),
+        (2, Roulette::Off, LightChoice::Power),
+        (3, Roulette::From(0), LightChoice::Power),
+        (6, Roulette::Off, LightChoice::Learned),
+        (6, Roulette::From(4), LightChoice::Power),
+        (15, Roulette::From(4), LightChoice::Power),
+        (15, Roulette::Efficient, LightChoice::Power),
     ] {
         let all: Vec<DepthLoss> = (0..8)
             .map(|seed| {
                 // Roulette leaves few paths so deep.
                 let spp = if depth > 10 { 256 } else { 64 };
                 let mut settings = settings(16, 16, spp, depth, seed);
-                settings.roulette_from = roulette;
+                settings.roulette = roulette;
                 settings.light_choice = choice;
                 settings.intervals = seed % 2 == 1;
                 settings.ledgers = seed % 4 == 3;

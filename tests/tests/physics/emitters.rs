@@ -1,6 +1,7 @@
 //! Area lights: irradiance against closed forms, sides, direct views.
 
 use crate::measure;
+use hotspot_integrator::Roulette;
 use hotspot_scene::Material;
 use hotspot_tests::picture::{picture, settings};
 use hotspot_tests::world::{
@@ -227,7 +228,7 @@ fn a_box_of_luminous_mirrors() {
     let scene = World::new().with(cuboid([-1.0, -0.7, -1.2], [1.3, 0.8, 0.9], true), walls).prepare();
     for depth in [0u32, 1, 3, 20, 200] {
         let mut settings = settings(16, 16, 2, depth, 0);
-        settings.roulette_from = None;
+        settings.roulette = Roulette::Off;
         let picture = picture(&scene, &pinhole([0.1, 0.2, 0.3], [1.0, 0.1, -0.4], 80.0), &settings);
         let expected = [0.5f64, 0.8, 0.95].map(|r| (1.0 - r.powi(depth as i32 + 1)) / (1.0 - r));
         for (c, expected) in expected.into_iter().enumerate() {

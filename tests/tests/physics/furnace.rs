@@ -1,6 +1,7 @@
 //! White furnaces: in uniform light a white surface vanishes, and any other shows its own albedo.
 
 use crate::{measure, measure_with};
+use hotspot_integrator::Roulette;
 use hotspot_scene::{Bsdf, Color, Material};
 use hotspot_tests::albedo::{metal_albedo, substrate_albedo};
 use hotspot_tests::picture::{picture, settings};
@@ -70,7 +71,7 @@ fn luminous_boxes_sum_the_geometric_series() {
     let world = World::new().with(cuboid([-1.0, -0.7, -1.3], [1.2, 0.9, 1.0], true), walls);
     let scene = world.prepare();
     let camera = pencil([0.1, 0.05, -0.2], [-0.3, -0.6, 0.7]);
-    for roulette in [None, Some(0), Some(4)] {
+    for roulette in [Roulette::Off, Roulette::From(0), Roulette::From(4), Roulette::Efficient] {
         for depth in [0, 1, 2, 5, 6, 12, 400] {
             let spp = match depth {
                 0..=2 => 32,
@@ -78,15 +79,15 @@ fn luminous_boxes_sum_the_geometric_series() {
                 _ => 1024,
             };
             let mut settings = settings(24, 24, spp, depth, 7);
-            settings.roulette_from = roulette;
-            if depth > 100 && roulette.is_none() {
+            settings.roulette = roulette;
+            if depth > 100 && roulette == Roulette::Off {
                 continue;
             }
             let expected = [0, 1, 2].map(|c| {
                 let (e, rho) = (f64::from(e[c]), f64::from(rho[c]));
                 e * (1.0 - rho.powi(depth as i32 + 1)) / (1.0 - rho)
             });
-            let what = format!("depth {depth}, roulette from {roulette:?}");
+            let what = format!("depth {depth}, roulette {roulette:?}");
             measure_with(&scene, &camera, &settings).assert_near(expected, 1e-3, &what);
         }
     }
@@ -100,7 +101,7 @@ fn luminous_boxes_to_a_hundredth_of_a_percent() {
     let walls = emitting(matte(rho), e);
     let scene = World::new().with(cuboid([-1.0, -0.7, -1.3], [1.2, 0.9, 1.0], true), walls).prepare();
     let mut settings = settings(64, 64, 4096, 6, 3);
-    settings.roulette_from = None;
+    settings.roulette = Roulette::Off;
     let measured = measure_with(&scene, &pencil([0.1, 0.05, -0.2], [-0.3, -0.6, 0.7]), &settings);
     let expected = [0, 1, 2].map(|c| {
         let (e, rho) = (f64::from(e[c]), f64::from(rho[c]));
@@ -163,7 +164,7 @@ fn clear_glass_vanishes() {
         });
         let world = World::new().with(sphere([0.0; 3], 1.0, 3, false), glass).with_environment([1.0; 3]);
         let mut settings = settings(32, 32, 8, 1000, 0);
-        settings.roulette_from = None;
+        settings.roulette = Roulette::Off;
         let picture = picture(&world.prepare(), &pinhole([0.0, 1.0, 3.0], [0.0; 3], 40.0), &settings);
         assert!(picture.min() > 0.9999 && picture.max() < 1.0001, "{}..{}", picture.min(), picture.max());
     }
@@ -180,14 +181,15 @@ fn roulette_does_not_bias() {
     let camera = pencil([0.5, 0.1, 0.8], [0.6, -1.0, 0.1]);
     let with = |roulette, seed| {
         let mut settings = settings(24, 24, 64, 60, seed);
-        settings.roulette_from = roulette;
+        settings.roulette = roulette;
         measure_with(&scene, &camera, &settings).0
     };
-    let off = with(None, 1);
-    for (from, seed) in [(0, 2), (2, 3), (4, 4)] {
-        for (c, ((a, sa), (b, sb))) in off.into_iter().zip(with(Some(from), seed)).enumerate() {
+    let off = with(Roulette::Off, 1);
+    let some = [Roulette::From(0), Roulette::From(2), Roulette::From(4), Roulette::Efficient];
+    for (roulette, seed) in some.into_iter().zip(2..) {
+        for (c, ((a, sa), (b, sb))) in off.into_iter().zip(with(roulette, seed)).enumerate() {
             let sigma = sa.hypot(sb);
-            assert!((a - b).abs() < 4.0 * sigma, "from {from}, channel {c}: {a} and {b}, sigma {sigma}");
+            assert!((a - b).abs() < 4.0 * sigma, "{roulette:?}, channel {c}: {a} and {b}, sigma {sigma}");
             assert!(sigma < 0.02 * a, "from {from}: sigma {sigma} of {a}");
         }
     }

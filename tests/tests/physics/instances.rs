@@ -1,7 +1,7 @@
 //! Meshes stored once: the same pictures as when they are written out, for any matrix; nothing leaks, nothing is lost.
 
 use hotspot_cost::{Counter, Frame};
-use hotspot_integrator::{Instancing, RenderScene};
+use hotspot_integrator::{Instancing, RenderScene, Roulette};
 use hotspot_scene::{Alpha, Bsdf, Camera, Channel, Color, LightKind, Material, Mesh, NormalMap, Scalar};
 use hotspot_tests::picture::{Picture, frame, picture, settings};
 use hotspot_tests::stats::{Variance, mean_and_variance, sidak};
@@ -164,7 +164,7 @@ fn boxes_do_not_leak() {
         assert_eq!(scene.instance_count(), 2);
         let look = [0, 1, 2].map(|k| at[k] + size * [0.3, 0.5, -0.6][k]);
         let mut settings = settings(32, 32, 8, 12, i as u64);
-        settings.roulette_from = None;
+        settings.roulette = Roulette::Off;
         let seen = picture(&scene, &pinhole(at, look, 100.0), &settings);
         assert_eq!(seen.max(), 0.0, "box {i} of {size} at {at:?}");
     }
@@ -194,7 +194,7 @@ fn boxes_far_from_their_origin_do_not_leak() {
         let scene = world.prepare_with(Instancing::Always);
         assert_eq!(scene.instance_count(), 2);
         let mut settings = settings(32, 32, 8, 12, i as u64);
-        settings.roulette_from = None;
+        settings.roulette = Roulette::Off;
         let seen = picture(&scene, &pinhole([0.0; 3], [0.3, 0.5, -0.6], 100.0), &settings);
         assert_eq!(seen.max(), 0.0, "box {i}, {far} from its origin");
     }
@@ -253,7 +253,7 @@ fn white_instances_vanish() {
     }
     let scene = world.prepare_with(Instancing::Always);
     let mut settings = settings(32, 32, 32, 1000, 1);
-    settings.roulette_from = None;
+    settings.roulette = Roulette::Off;
     let seen = picture(&scene, &pinhole([1.0, 2.0, 5.0], [0.0; 3], 40.0), &settings);
     let values: Vec<f64> = seen.pixels.iter().map(|p| p[1]).collect();
     let (mean, variance) = mean_and_variance(&values);

@@ -3,6 +3,7 @@
 use crate::emitters::lambert;
 use crate::{measure, measure_with};
 use core::f64::consts::PI;
+use hotspot_integrator::Roulette;
 use hotspot_scene::{Bsdf, Channel, Color, LightKind, Material, Mesh, Scalar, TextureRef};
 use hotspot_tests::picture::{picture, settings};
 use hotspot_tests::world::{
@@ -342,9 +343,9 @@ fn absorption_between_reflections() {
             let a = (-f64::from(s) * d).exp();
             2.0 * (1.0 - r) * (1.0 - r) * a / (1.0 - r * r * a * a)
         });
-        for roulette in [None, Some(1)] {
+        for roulette in [Roulette::Off, Roulette::From(1), Roulette::Efficient] {
             let mut settings = settings(24, 24, 64, 100, 2);
-            settings.roulette_from = roulette;
+            settings.roulette = roulette;
             let eye = pencil([0.3 + 3.0 * tan, 0.2, 3.0 + thickness], [0.3, 0.2, thickness]);
             let what = format!("tan {tan}, roulette {roulette:?}");
             measure_with(&world, &eye, &settings).assert_near(expected, 0.02, &what);

@@ -76,7 +76,7 @@ pub fn bake(
             None
         }
     };
-    let learned = film.and_then(|film| settings.learned(scene, &film));
+    let guides = settings.guides(scene, film.as_ref());
     let sums = SurfaceSums::new(mesh.vertex_count());
     let escaped = [const { AtomicU64::new(0) }; 3];
     let kernel = BakeKernel {
@@ -89,7 +89,7 @@ pub fn bake(
             BakeView::Camera(_) => &[],
         },
         settings,
-        path: settings.path(true, learned.as_ref()),
+        path: settings.path(true, &guides),
     };
     let (rows, columns) = (u64::from(settings.height), u64::from(settings.width));
     let total = rows * columns * u64::from(settings.spp);

@@ -8,7 +8,7 @@ use super::{Kernel, PixelSampler, Sampler, sample};
 use crate::camera::FilmCamera;
 use crate::class::{FullClass, LobesClass, MatteClass, SceneClass, TexturedClass};
 use crate::cutout::Cutouts;
-use crate::path::{PathResult, PathSettings};
+use crate::path::PathResult;
 use crate::{Control, Gather, Instancing, PrepareOptions, RenderScene, Settings, render};
 use hotspot_bvh::oracle::{self, Counts};
 use hotspot_bvh::simd::Portable;
@@ -172,12 +172,13 @@ fn check(name: &str, scene: &Scene, instancing: Instancing) -> Held {
     settings.seed = 5;
     settings.gather = Gather { time: false, ..Gather::ALL };
     let frame = render(&ready, camera, &settings, Control::default()).frame;
+    let guides = settings.guides(&ready, None);
     let kernel = Kernel {
         scene: &ready,
         camera: FilmCamera::new(camera, f64::from(settings.width) / f64::from(settings.height)),
         width: settings.width,
         height: settings.height,
-        path: PathSettings { max_depth: 6, roulette_from: 4, trace_shadow_rays: true, learned: None },
+        path: settings.path(true, &guides),
         sampler: settings.sampler,
         seed: settings.seed,
         halves: 1,

@@ -3,7 +3,7 @@
 use crate::camera::FilmCamera;
 use crate::class::FullClass;
 use crate::geometry::Instancing;
-use crate::path::{PathSettings, Start, trace};
+use crate::path::{Start, trace};
 use crate::sampler::{Dimensions, PixelSampler};
 use crate::{BuildOptions, Control, PrepareOptions, RenderScene, Settings, frame_bounds, render};
 use hotspot_bvh::simd::Portable;
@@ -80,12 +80,8 @@ fn oracle(scene: &RenderScene, camera: &hotspot_scene::Camera, settings: &Settin
         |instance| scene.geometry.placed[instance as usize].part.object,
     );
     let film = FilmCamera::new(camera, f64::from(settings.width) / f64::from(settings.height));
-    let path = PathSettings {
-        max_depth: settings.max_depth,
-        roulette_from: settings.roulette_from.unwrap_or(u32::MAX),
-        trace_shadow_rays: true,
-        learned: None,
-    };
+    let guides = settings.guides(scene, None);
+    let path = settings.path(true, &guides);
     let mut matrix = Matrix::new();
     let mut rays = 0;
     for y in 0..settings.height {

@@ -1,6 +1,6 @@
 //! `error`: speed against error.
 
-use crate::args::{FilmArgs, TalkArgs, nearest};
+use crate::args::{FilmArgs, TalkArgs, nearest, parse_roulette};
 use crate::fail::{Fail, INTERRUPTED};
 use crate::interrupt;
 use crate::open::SceneArgs;
@@ -12,7 +12,7 @@ use hotspot_cost::exr_io::Limits;
 use hotspot_cost::maps::{Curve, HeatOptions, LogPlot, heat_map, write_atomic, write_png};
 use hotspot_cost::picture_error::{Picture, PictureError, Reference, error_by_pixel};
 use hotspot_cost::{LayerOptions, Layers, stats};
-use hotspot_integrator::{Control, Gather, Rendered, SamplerKind, Settings, Stop};
+use hotspot_integrator::{Control, Gather, Rendered, Roulette, SamplerKind, Settings, Stop};
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -72,7 +72,7 @@ struct Vary {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Change {
     Sampler(SamplerKind),
-    Roulette(Option<u32>),
+    Roulette(Roulette),
     MaxDepth(u32),
 }
 
@@ -80,7 +80,7 @@ impl Change {
     fn apply(self, settings: &mut Settings) {
         match self {
             Self::Sampler(kind) => settings.sampler = kind,
-            Self::Roulette(from) => settings.roulette_from = from,
+            Self::Roulette(roulette) => settings.roulette = roulette,
             Self::MaxDepth(depth) => settings.max_depth = depth,
         }
     }
@@ -88,8 +88,9 @@ impl Change {
     fn name(self) -> String {
         match self {
             Self::Sampler(kind) => format!("sampler={}", kind.name()),
-            Self::Roulette(None) => "roulette=off".into(),
-            Self::Roulette(Some(from)) => format!("roulette={from}"),
+            Self::Roulette(Roulette::Off) => "roulette=off".into(),
+            Self::Roulette(Roulette::From(from)) => format!("roulette={from}"),
+            Self::Roulette(Roulette::Efficient) => "roulette=efficient".into(),
             Self::MaxDepth(depth) => format!("max-depth={depth}"),
         }
     }
@@ -459,11 +460,9 @@ fn parse_vary(text: &str) -> Result<Vary, String> {
                 "independent" => Ok(Change::Sampler(SamplerKind::Independent)),
                 _ => Err(format!("there is no sampler \"{value}\"; there are sobol and independent")),
             },
-            "roulette" if value == "off" => Ok(Change::Roulette(None)),
-            "roulette" => value
-                .parse()
-                .map(|n| Change::Roulette(Some(n)))
-                .map_err(|_| format!("roulette={value}: write a vertex index such as 4, or off")),
+            "roulette" => {
+                parse_roulette(value).map(Change::Roulette).map_err(|e| format!("roulette={value}: {e}"))
+            }
             "max-depth" => value
                 .parse()
                 .map(Change::MaxDepth)
@@ -496,8 +495,8 @@ mod tests {
         assert_eq!(names(&[]), ["default"]);
         assert_eq!(names(&["sampler=independent,sobol"]), ["sampler=independent", "sampler=sobol"]);
         assert_eq!(
-            names(&["roulette=off,4", "max-depth=3"]),
-            ["roulette=off max-depth=3", "roulette=4 max-depth=3"]
+            names(&["roulette=off,4,efficient", "max-depth=3"]),
+            ["roulette=off max-depth=3", "roulette=4 max-depth=3", "roulette=efficient max-depth=3"]
         );
         for wrong in [
             "sampler",

@@ -1,0 +1,323 @@
+//! Paths before the render, that find the gain of roulette for efficiency ([`Survival`](super::Survival)).
+//!
+//! For some pixels they tell how much their samples vary and how many rays one casts, and for each vertex from the second on what
+//! the path found after it and the rays that it cast there. All in relation to the pixel: light over the weight of the first
+//! scattering, squares over that of the pixel's mean. Variance is that of the mean of some samples, times their number: stratified points
+//! take away a part of it that longer paths would not.
+
+use super::LEAST_BASE;
+use crate::camera::FilmCamera;
+use crate::class::{FullClass, Learning};
+use crate::path::{PathSettings, Start, trace};
+use crate::sampler::{Dimensions, PixelSampler, SamplerKind};
+use crate::scene::RenderScene;
+use hotspot_bvh::simd::{Simd, WithSimd, dispatch};
+use hotspot_probe::{NoProbe, Probe, Spawner};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Gains are kept within these: estimates have long tails.
+const GAINS: (f32, f32) = (0.5, 8.0);
+/// Pixels that are asked, and how many of them one thread takes at a time.
+const PIXELS: u32 = 128;
+const BATCH: u32 = 8;
+/// Samples of each half of one. Not the render's number: a render stopped early is the same as a shorter one.
+const SAMPLES: u32 = 16;
+/// Share of the frame's mean at which a pixel's error begins to count in relation to that instead of to its own.
+const FLOOR: f64 = 0.3;
+/// A seed of its own, so that the render is independent of what its roulette was learned from.
+const SEED: u64 = 0x0b5e_55ed_6a1b_1e5f;
+
+/// What to find a gain for.
+pub(crate) struct Pilot<'a> {
+    pub(crate) scene: &'a RenderScene,
+    pub(crate) camera: FilmCamera,
+    /// Of the frame, in pixels.
+    pub(crate) size: (u32, u32),
+    pub(crate) sampler: SamplerKind,
+    pub(crate) seed: u64,
+    /// With the survival to begin with.
+    pub(crate) path: PathSettings<'a>,
+}
+
+impl Pilot<'_> {
+    /// The gain for the scene: two rounds, since what the rest of a path brings and costs depends on it. Runs in the caller's thread
+    /// pool; the result does not depend on the number of threads. `None` where nothing scatters any light.
+    pub(crate) fn gain(mut self) -> Option<f32> {
+        let first = gain_of(&self.round(0))?;
+        self.path.roulette.gain = Some(first);
+        let second = gain_of(&self.round(1))?;
+        Some((first * second).sqrt())
+    }
+
+    fn round(&self, round: u64) -> Vec<PixelSums> {
+        let parts: Vec<Vec<PixelSums>> = (0..PIXELS / BATCH)
+            .into_par_iter()
+            .map(|batch| {
+                let numbers = batch * BATCH..(batch + 1) * BATCH;
+                dispatch(self.scene.bvh.isa(), Job { pilot: self, numbers, round })
+            })
+            .collect();
+        parts.concat()
+    }
+
+    /// Evenly over the frame, row by row.
+    fn pixel(&self, number: u32) -> (u32, u32) {
+        let (width, height) = (u64::from(self.size.0), u64::from(self.size.1));
+        let index = (2 * u64::from(number) + 1) * (width * height) / (2 * u64::from(PIXELS));
+        ((index % width) as u32, (index / width) as u32)
+    }
+}
+
+struct Job<'a> {
+    pilot: &'a Pilot<'a>,
+    numbers: Range<u32>,
+    round: u64,
+}
+
+impl WithSimd for Job<'_> {
+    type Output = Vec<PixelSums>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Vec<PixelSums> {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let Self { pilot, numbers, round } = self;
+                let mut listener = Listener::new(pilot.path.max_depth);
+                let mut pixels = Vec::new();
+                for (x, y) in numbers.map(|number| pilot.pixel(number)) {
+                    let mut sums = PixelSums::default();
+                    let mut found = [0.0; 2];
+                    for (half, found) in found.iter_mut().enumerate() {
+                        let seed = pilot.seed ^ SEED ^ round;
+                        let points = PixelSampler::new(pilot.sampler, x, y, half as u32, seed);
+                        for index in 0..SAMPLES {
+                            let sampler = points.sample(index.into());
+                            let [u, v, light @ ..] = sampler.get(Dimensions::segment(0));
+                            let ray = pilot.camera.ray_of((x, y), [u, v], pilot.size);
+                            listener.clear();
+                            // The class that every scene can take: for so few paths another kernel would take too long to compile.
+                            trace::<S, _, Learning<FullClass>, false>(
+                                simd,
+                                pilot.scene,
+                                &pilot.path,
+                                Start::new(ray, light),
+                                &sampler,
+                                &mut listener,
+                            );
+                            sums.add(&listener);
+                            *found += listener.found / f64::from(SAMPLES);
+                        }
+                    }
+                    sums.end(found);
+                    pixels.push(sums);
+                }
+                pixels
+            },
+        )
+    }
+}
+
+/// What the paths of a pixel found out.
+#[derive(Clone, Copy, Debug, Default)]
+struct PixelSums {
+    paths: f64,
+    rays: f64,
+    /// Weights of the first scattering of the paths that have one, and their number.
+    bases: f64,
+    based: f64,
+    /// Over the vertices from the second on: the square of what was found after them, for a throughput of 1, and the rays cast
+    /// after them.
+    later_squares: f64,
+    later_rays: f64,
+    /// Of a sample, over the weight of the first scattering.
+    mean: f64,
+    variance: f64,
+}
+
+impl PixelSums {
+    fn add(&mut self, path: &Listener) {
+        self.paths += 1.0;
+        self.rays += f64::from(path.rays);
+        if let Some(first) = path.vertices.first() {
+            self.bases += f64::from(first.throughput);
+            self.based += 1.0;
+        }
+        for vertex in path.vertices.iter().skip(1) {
+            let later = (path.found - vertex.found) / f64::from(vertex.throughput);
+            self.later_squares += later * later;
+            self.later_rays += f64::from(path.rays - vertex.rays);
+        }
+    }
+
+    /// `found`: means of the halves.
+    fn end(&mut self, found: [f64; 2]) {
+        let base = (self.bases / self.based.max(1.0)).max(LEAST_BASE.into());
+        let [a, b] = found.map(|mean| mean / base);
+        self.mean = 0.5 * (a + b);
+        self.variance = 0.5 * (a - b) * (a - b) * (0.5 * self.paths);
+    }
+}
+
+/// Means over pixels: variance of a sample, rays of one, and over all later vertices the squares of what was found after them and
+/// the rays cast after them.
+struct Means {
+    variance: f64,
+    rays: f64,
+    later_squares: f64,
+    later_rays: f64,
+}
+
+impl Means {
+    fn of(pixels: &[PixelSums]) -> Self {
+        let count = pixels.len() as f64;
+        let mean = |of: &dyn Fn(&PixelSums) -> f64| pixels.iter().map(of).sum::<f64>() / count;
+        let floor = FLOOR * mean(&|p| p.mean);
+        let relative = |p: &PixelSums, square: f64| square / (p.mean * p.mean + floor * floor);
+        Self {
+            variance: mean(&|p| relative(p, p.variance)),
+            rays: mean(&|p| p.rays / p.paths),
+            later_squares: mean(&|p| relative(p, p.later_squares)),
+            later_rays: mean(&|p| p.later_rays),
+        }
+    }
+}
+
+/// The formula of the module above.
+fn gain_of(pixels: &[PixelSums]) -> Option<f32> {
+    let Means { variance, rays, later_squares, later_rays } = Means::of(pixels);
+    let gain = (later_squares / later_rays * (rays / variance)).sqrt() as f32;
+    (gain > 0.0 && gain.is_finite()).then(|| gain.clamp(GAINS.0, GAINS.1))
+}
+
+/// Listens to one path.
+struct Listener {
+    max_depth: u32,
+    rays: u32,
+    /// Luminance, without what the camera sees shining.
+    found: f64,
+    /// Those that the path went on from.
+    vertices: Vec<Vertex>,
+}
+
+struct Vertex {
+    throughput: f32,
+    /// Rays cast and luminance found until then.
+    rays: u32,
+    found: f64,
+}
+
+impl Listener {
+    fn new(max_depth: u32) -> Self {
+        Self { max_depth, rays: 0, found: 0.0, vertices: Vec::new() }
+    }
+
+    fn clear(&mut self) {
+        (self.rays, self.found) = (0, 0.0);
+        self.vertices.clear();
+    }
+}
+
+impl Probe for Listener {
+    const ON: bool = true;
+    type Ray<'r> = NoProbe;
+
+    #[inline(always)]
+    fn ray(&mut self, _by: Spawner) -> NoProbe {
+        self.rays += 1;
+        NoProbe
+    }
+
+    #[inline(always)]
+    fn untraced(&mut self, _by: Spawner) {
+        self.rays += 1;
+    }
+
+    #[inline(always)]
+    fn bsdf(&mut self, _evaluations: u32) {}
+
+    #[inline(always)]
+    fn texture(&mut self, _lookups: u32, _bytes: u32) {}
+
+    #[inline(always)]
+    fn light(&mut self, left: u32, luminance: f32) {
+        if left < self.max_depth && luminance.is_finite() {
+            self.found += f64::from(luminance);
+        }
+    }
+
+    #[inline(always)]
+    fn scattered(&mut self, throughput: f32) {
+        if throughput > 0.0 {
+            self.vertices.push(Vertex { throughput, rays: self.rays, found: self.found });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{PrepareOptions, Roulette, Settings};
+    use std::path::Path;
+
+    #[test]
+    fn the_gain_is_that_of_the_formula() {
+        // Later squares 12 for a mean of 2, so 12 / (4 + 0.36) in relation to the pixel; the variance likewise.
+        let pixel = PixelSums {
+            paths: 8.0,
+            rays: 48.0,
+            bases: 4.0,
+            based: 8.0,
+            later_squares: 12.0,
+            later_rays: 9.0,
+            mean: 2.0,
+            variance: 2.0,
+        };
+        let gain = gain_of(&[pixel; 3]).unwrap();
+        assert!((gain - (12.0f32 / 9.0 * 6.0 / 2.0).sqrt()).abs() < 1e-6, "{gain}");
+        assert_eq!(gain_of(&[PixelSums { later_squares: 1e9, ..pixel }]), Some(GAINS.1));
+        assert_eq!(gain_of(&[PixelSums { later_squares: 0.0, ..pixel }]), None);
+        assert_eq!(gain_of(&[PixelSums { variance: 0.0, ..pixel }]), None);
+        assert_eq!(gain_of(&[PixelSums { later_squares: f64::NAN, ..pixel }]), None);
+        let mut halves = PixelSums { mean: 0.0, variance: 0.0, ..pixel };
+        halves.end([1.0, 2.0]);
+        assert_eq!((halves.mean, halves.variance), (3.0, 0.5 * 4.0 * 4.0));
+    }
+
+    /// Variance times rays is at the gain that was found within 15 % of the least that any gain has, and gains far from it are
+    /// worse than that. The seeds are fixed.
+    #[test]
+    fn the_gain_that_is_found_is_about_the_best() {
+        let file =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell-box-red/cornell-box-red.gltf");
+        let loaded = hotspot_scene::load(&file, &Default::default()).unwrap();
+        let camera = loaded.cameras[0].clone();
+        let scene = RenderScene::prepare(&loaded, PrepareOptions::default()).unwrap();
+        let mut settings = Settings::new(64, 64);
+        settings.roulette = Roulette::Efficient;
+        let film = settings.film_camera(&camera);
+        let guides = settings.guides(&scene, Some(&film));
+        let found = settings.path(true, &guides).roulette.gain.unwrap();
+        let price = |gain: f32| {
+            let mut path = settings.path(true, &guides);
+            path.roulette.gain = Some(gain);
+            let pilot = Pilot {
+                scene: &scene,
+                camera: film,
+                size: (64, 64),
+                sampler: settings.sampler,
+                seed: 7,
+                path,
+            };
+            let pixels: Vec<PixelSums> = (2..10).flat_map(|round| pilot.round(round)).collect();
+            let means = Means::of(&pixels);
+            means.variance * means.rays
+        };
+        let prices = [0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 8.0, 1e3].map(price);
+        let least = prices.into_iter().fold(f64::INFINITY, f64::min);
+        let paid = price(found);
+        assert!(paid < 1.15 * least, "{paid} at {found}, {prices:?}");
+        assert!(prices[0] > 1.15 * least && prices[8] > 1.15 * least, "{prices:?}");
+    }
+}
