@@ -3,7 +3,7 @@
 use crate::adaptive::{Plan, pilot};
 use crate::camera::FilmCamera;
 use crate::kernel::{Kernel, Lost, NonFinite, TileJob};
-use crate::light::{Learned, Lessons};
+use crate::light::{Learned, Lessons, walks};
 use crate::path::PathSettings;
 use crate::sampler::SamplerKind;
 use crate::scene::RenderScene;
@@ -117,7 +117,9 @@ impl Settings {
     /// What is learned about the scene's lights, where that is asked for and worth it.
     pub(crate) fn learned(&self, scene: &RenderScene, camera: &FilmCamera) -> Option<Learned> {
         let lessons = self.light_choice == LightChoice::Learned;
-        Learned::new(scene, camera, self.seed, Lessons { facing: lessons, windows: lessons })
+        let samples = u64::from(self.width) * u64::from(self.height);
+        let walks = walks(samples.saturating_mul(u64::from(self.spp)), self.time_limit);
+        Learned::new(scene, camera, self.seed, Lessons { facing: lessons, windows: lessons.then_some(walks) })
     }
 
     /// What the path loop needs to know.
