@@ -27,7 +27,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
-/// Camera samples for each walk. A walk costs as much as two or three samples: what learning more brings (on the living room four
+/// Camera samples for each walk. A walk costs as much as a few samples: what learning more brings (on the living room four
 /// times the walks a tenth less error) pays for about so many.
 const SAMPLES_PER_WALK: u64 = 32;
 /// Fewest walks, and most: what more bring is little, and each may note up to [`MOST_NOTES`] escapes of 8 bytes.

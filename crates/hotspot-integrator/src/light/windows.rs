@@ -25,8 +25,8 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 const CELLS: f32 = 20.0;
 /// Sizes of cells, each twice the one before.
 const LEVELS: u32 = 4;
-/// Escapes that what is seen from the coarser cell around is worth. A quarter of it costs the living room 3 % more error, three
-/// times as much 2 %.
+/// Escapes that what is seen from the coarser cell around is worth. A quarter of it, or three times as much, costs the living
+/// room 2 % more error.
 const PRIOR: f32 = 32.0;
 /// As [`PRIOR`], of visits, for how open a cell is.
 const PRIOR_VISITS: f32 = 8.0;
@@ -42,6 +42,8 @@ const PER_BIN: f32 = BINS as f32 * 0.25 * FRAC_1_PI;
 const DEFENSIVE: f32 = 0.05;
 /// So many escapes are worth as much as knowing nothing.
 const TRUST: f32 = 4.0;
+/// So many more where nothing hides the environment.
+const TRUST_OPEN: f32 = 128.0;
 /// No distribution.
 pub(super) const NOWHERE: u16 = u16::MAX;
 // All views of a grid have a number, all cells a code.
@@ -198,10 +200,12 @@ impl View {
             rows[row] = weights.iter().sum();
             columns[row] = Steps::new(weights);
         }
-        // Where all is open the cosine is the best that there is, and bins only approach it.
-        let unknown = DEFENSIVE + (1.0 - DEFENSIVE) * TRUST / (TRUST + known.escapes);
+        // Where all is open the cosine is the best that there is, and bins only approach it; the more of them are seen, the
+        // more escapes it takes.
         let open = known.open * known.open;
-        Self { rows: Steps::new(&rows), cosine: unknown.max(open * open), columns }
+        let trust = TRUST + TRUST_OPEN * open;
+        let unknown = DEFENSIVE + (1.0 - DEFENSIVE) * trust / (trust + known.escapes);
+        Self { rows: Steps::new(&rows), cosine: unknown.max(open), columns }
     }
 
     /// Density per solid angle in a bin, given that the cosine is not followed.
@@ -451,6 +455,8 @@ mod tests {
         assert!(share(1, 1000) > share(10, 1000) && share(10, 1000) > share(1000, 100_000));
         assert!(share(1000, 1_000_000) < 1.5 * DEFENSIVE);
         assert_eq!(share(1000, 500), 1.0);
+        // Half open: more than that alone makes it, since a hundred escapes do not fill so many bins.
+        assert!(share(100, 100) > 0.29 && share(100, 100) < 0.31 && share(10_000, 10_000) == 0.25);
         // Next to no weight, and none that has a number.
         for weight in [0.0, 1e-45, f32::MIN_POSITIVE] {
             let own = [Escape { code: here as u32, weight }];
