@@ -3,7 +3,7 @@
 use crate::adaptive::{Plan, pilot};
 use crate::camera::FilmCamera;
 use crate::kernel::{Kernel, Lost, NonFinite, TileJob};
-use crate::light::{Learned, Lessons};
+use crate::light::{Learned, Lessons, walks};
 use crate::path::PathSettings;
 use crate::roulette::{Pilot, Roulette, Survival};
 use crate::sampler::SamplerKind;
@@ -119,7 +119,14 @@ impl Settings {
     pub(crate) fn guides(&self, scene: &RenderScene, camera: Option<&FilmCamera>) -> Guides {
         let lessons = self.light_choice == LightChoice::Learned;
         let learned = camera.and_then(|camera| {
-            Learned::new(scene, camera, self.seed, Lessons { facing: lessons, windows: lessons })
+            let pixels = u64::from(self.width) * u64::from(self.height);
+            let walks = walks(pixels.saturating_mul(u64::from(self.spp)), self.time_limit);
+            Learned::new(
+                scene,
+                camera,
+                self.seed,
+                Lessons { facing: lessons, windows: lessons.then_some(walks) },
+            )
         });
         let survival = Survival::new(self.roulette, |roulette| {
             let pilot = Pilot {

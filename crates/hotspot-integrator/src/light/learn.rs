@@ -8,7 +8,7 @@
 //! `rays_shadow`, `waste` and what shadow rays visit change; everything else is as without.
 
 use super::facing::Facing;
-use super::windows::{Escape, Grid, NOWHERE, Windows, bin};
+use super::windows::{Escape, Grid, Key, NOWHERE, Windows, bin};
 use super::{LightSample, LightTarget, Lights, Surroundings};
 use crate::camera::FilmCamera;
 use crate::cast::{closest_hit, occluded};
@@ -24,14 +24,28 @@ use hotspot_bvh::{NO_INSTANCE, Ray};
 use hotspot_probe::{NONE, NoProbe};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::time::Duration;
 
-/// Walks that look for the environment by the cosine, and walks that look where these found it.
-const SEARCHES: u32 = 1 << 13;
-const CHECKS: u32 = 5 << 13;
+/// Camera samples for each walk. A walk costs as much as a few samples: what learning more brings (on the living room four
+/// times the walks a tenth less error) pays for about so many.
+const SAMPLES_PER_WALK: u64 = 32;
+/// Fewest walks, and most: what more bring is little, and each may note up to [`MOST_NOTES`] escapes of 8 bytes.
+const FEWEST: u32 = 1 << 13;
+const MOST: u32 = 1 << 17;
+/// Walks for each second of a time limit.
+const WALKS_PER_SECOND: f64 = (1 << 14) as f64;
+/// Directions checked at each vertex.
+const CHECKS: u32 = 4;
+const MOST_NOTES: usize = ((LENGTH + 1) * CHECKS + 1) as usize;
+// Escapes take 25 MiB at most, and as much again while they are sorted.
+const _: () = assert!(MOST as usize * MOST_NOTES * size_of::<Escape>() <= 25 << 20);
 /// Scattering events of a walk, at most.
 const LENGTH: u32 = 5;
 /// Walks that one thread takes at a time.
-const BATCH: u32 = 1 << 10;
+const BATCH: u32 = 1 << 8;
+/// Golden ratio: multiples of it modulo 1 lie far apart.
+const GOLDEN: f32 = 0.618_034;
 
 /// What was learned about a scene's lights.
 #[derive(Debug, Default)]
@@ -59,8 +73,16 @@ impl Viewpoint {
 pub(crate) struct Lessons {
     /// Choose emissive triangles by where they are seen from.
     pub(crate) facing: bool,
-    /// Sample a constant environment where it is seen.
-    pub(crate) windows: bool,
+    /// Sample a constant environment where it is seen, as found by so many walks ([`walks`]).
+    pub(crate) windows: Option<u32>,
+}
+
+/// Walks for a render of so many camera samples, which may end after `limit`: a function of settings alone.
+pub(crate) fn walks(samples: u64, limit: Option<Duration>) -> u32 {
+    let limit = limit.map_or(f64::INFINITY, |limit| limit.as_secs_f64() * WALKS_PER_SECOND);
+    // Float to integer saturates.
+    let walks = (samples / SAMPLES_PER_WALK).min(limit as u64).clamp(u64::from(FEWEST), u64::from(MOST));
+    walks as u32 / BATCH * BATCH
 }
 
 impl Learned {
@@ -72,7 +94,8 @@ impl Learned {
             .then(|| Facing::new(&lights.triangles, lights.patches.all(), &scene.geometry))
             .flatten();
         let constant = matches!(lights.environment, Surroundings::Constant(_));
-        let windows = (lessons.windows && constant).then(|| learn_windows(scene, camera, seed));
+        let windows = lessons.windows.filter(|_| constant);
+        let windows = windows.map(|walks| learn_windows(scene, camera, seed, walks));
         let windows = windows.filter(|windows| windows.len() > 0);
         (facing.is_some() || windows.is_some()).then_some(Self { facing, windows })
     }
@@ -138,22 +161,29 @@ impl Learned {
 }
 
 /// In a room few rays get out by chance, one in thirty: so the first walks learn where windows are about, and the others check
-/// a direction towards them at each vertex.
-fn learn_windows(scene: &RenderScene, camera: &FilmCamera, seed: u64) -> Windows {
+/// directions towards them at each vertex, a quarter of them first, so that the rest knows better where to look.
+fn learn_windows(scene: &RenderScene, camera: &FilmCamera, seed: u64, walks: u32) -> Windows {
     let grid = Grid::new(scene.bounds());
+    // Sums of whole numbers do not depend on their order.
+    let visits: Vec<AtomicU32> = (0..grid.keys()).map(|_| AtomicU32::new(0)).collect();
     let walk = |walks: Range<u32>, known: Option<&Windows>| -> Vec<Escape> {
         (walks.start / BATCH..walks.end / BATCH)
             .into_par_iter()
             .flat_map_iter(|batch| {
                 let walks = batch * BATCH..(batch + 1) * BATCH;
-                dispatch(scene.bvh.isa(), Walks { scene, camera, grid: &grid, seed, walks, known })
+                let walks = Walks { scene, camera, grid: &grid, visits: &visits, seed, walks, known };
+                dispatch(scene.bvh.isa(), walks)
             })
             .collect()
     };
-    let mut escapes = walk(0..SEARCHES, None);
-    let known = Windows::new(grid.clone(), &mut escapes.clone());
-    escapes.extend(walk(SEARCHES..SEARCHES + CHECKS, Some(&known)));
-    Windows::new(grid, &mut escapes)
+    let rounds = [walks / 16, walks / 4, walks].map(|end| (end / BATCH).max(1) * BATCH);
+    let mut escapes = walk(0..rounds[0], None);
+    let mut windows = Windows::new(grid.clone(), &mut escapes, &visits);
+    for round in rounds.windows(2) {
+        escapes.extend(walk(round[0]..round[1], Some(&windows)));
+        windows = Windows::new(grid.clone(), &mut escapes, &visits);
+    }
+    windows
 }
 
 /// Walks from the camera that scatter by the cosine wherever a surface is not specular, and note escapes.
@@ -161,6 +191,8 @@ struct Walks<'a> {
     scene: &'a RenderScene,
     camera: &'a FilmCamera,
     grid: &'a Grid,
+    /// Vertices so far, by key.
+    visits: &'a [AtomicU32],
     seed: u64,
     walks: Range<u32>,
     /// Where to look for the environment besides, at each vertex.
@@ -195,7 +227,7 @@ impl Walks<'_> {
         let (origin, mut direction) = self.camera.ray(x, y);
         let mut ray = Ray::new(origin.to_array(), direction.to_array());
         // The surface that the ray left by the cosine, if by that: its key, and that cosine's density and the other.
-        let mut left: Option<(u32, f32, f32)> = None;
+        let mut left: Option<(Key, f32, f32)> = None;
         let mut from = NONE;
         for bounce in 0..=LENGTH {
             let Some(hit) = closest_hit::<S, _, FullClass>(simd, scene, &ray, from, sampler, bounce, NoProbe)
@@ -237,21 +269,27 @@ impl Walks<'_> {
                 direction = frame.to_world(sample.wi);
             } else {
                 let key = self.grid.key(point.p, frame.n);
+                self.visits[self.grid.index(key)].fetch_add(1, Relaxed);
                 let local = square_to_cosine_hemisphere(Vec2::new(u, v));
                 direction = frame.to_world(local);
                 let mut looked = 0.0;
                 if let Some(known) = self.known {
                     let view = known.find(point.p, frame.n);
-                    let (there, density) = known.sample(view, &frame, to_light.into());
-                    let cosine = FRAC_1_PI * there.dot(frame.n);
-                    let ends = [leaves, NONE];
-                    let ray = leave(there);
-                    if cosine > 0.0
-                        && !occluded::<S, _, FullClass>(simd, scene, &ray, ends, sampler, bounce, NoProbe)
-                    {
-                        escapes.push(Escape::new(key, bin(there), cosine / (cosine + density)));
+                    let many = CHECKS as f32;
+                    for check in 0..CHECKS {
+                        let u = (to_light[0] + check as f32 / many).fract();
+                        let v = (to_light[1] + check as f32 * GOLDEN).fract();
+                        let (there, density) = known.sample(view, &frame, Vec2::new(u, v));
+                        let cosine = FRAC_1_PI * there.dot(frame.n);
+                        let ends = [leaves, NONE];
+                        let ray = leave(there);
+                        if cosine > 0.0
+                            && !occluded::<S, _, FullClass>(simd, scene, &ray, ends, sampler, bounce, NoProbe)
+                        {
+                            escapes.push(Escape::new(key, bin(there), cosine / (cosine + many * density)));
+                        }
                     }
-                    looked = known.pdf(view, direction, local.z);
+                    looked = many * known.pdf(view, direction, local.z);
                 }
                 left = Some((key, FRAC_1_PI * local.z, looked));
             }
@@ -259,5 +297,23 @@ impl Walks<'_> {
             ray = leave(direction);
             from = leaves;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// In proportion to the samples, within bounds, and no more than a time limit leaves time for.
+    #[test]
+    fn walks_follow_the_samples() {
+        assert_eq!(walks(0, None), FEWEST);
+        assert_eq!(walks(320 * 180 * 16, None), 28_672);
+        assert_eq!(walks(320 * 180 * 64, None), 115_200);
+        assert_eq!(walks(u64::MAX, None), MOST);
+        assert_eq!(walks(u64::MAX, Some(Duration::from_secs(1))), 1 << 14);
+        assert_eq!(walks(u64::MAX, Some(Duration::ZERO)), FEWEST);
+        assert_eq!(walks(u64::MAX, Some(Duration::MAX)), MOST);
+        assert_eq!(walks(320 * 180 * 16, Some(Duration::from_secs(100))), 28_672);
     }
 }
