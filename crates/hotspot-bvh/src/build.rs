@@ -85,7 +85,8 @@ pub(crate) fn build<M: AsRef<[[[f32; 3]; 3]]>>(
     if count >= Child::LIMIT as usize {
         return Err(BvhError::TooManyTriangles { count });
     }
-    let total = instances.len().saturating_add(triangles.len());
+    // Inner nodes are fewer than that, however the tree turns out.
+    let total = instances.len().saturating_add(count);
     if total >= Child::LIMIT as usize {
         return Err(BvhError::TooManyInstances { count: instances.len() });
     }

@@ -86,6 +86,8 @@ struct Shape {
     children: [Child; WIDTH],
     /// What the occupied slots are made of.
     places: [u32; WIDTH],
+    /// Occupied slots.
+    count: u32,
 }
 
 /// Up to eight places in the binary tree.
@@ -150,7 +152,8 @@ impl Emitter<'_> {
             self.leaf(0, &mut runs[0].leaves)
         } else {
             self.subtree(0, part, &mut runs, &mut bridges);
-            Child::node(0)
+            // Its number is known when its node is.
+            Child::EMPTY
         };
         if runs.len() > 1 {
             runs.par_iter_mut().with_max_len(1).for_each(|run| {
@@ -171,9 +174,13 @@ impl Emitter<'_> {
         let (nodes, blocks) = (starts(|run| run.shapes.len()), starts(|run| run.leaves.len()));
         for Bridge { from, to } in bridges {
             // What follows comes later, so the difference is not negative.
-            let child = Child::node((nodes[to] - nodes[from.run]) as u32);
+            let child = Child::node((nodes[to] - nodes[from.run]) as u32, runs[to].shapes[0].count);
             runs[from.run].shapes[from.index].children[from.slot] = child;
         }
+        let root = match runs.iter().find_map(|run| run.shapes.first()) {
+            Some(shape) => Child::node(0, shape.count),
+            None => root,
+        };
         let last = runs.len();
         let mut tree = WideTree { root, bounds, ..WideTree::with_capacity(nodes[last], blocks[last]) };
         tasks::flatten_into(&mut tree.nodes, &nodes, HEAVY, |run, index| {
@@ -213,12 +220,8 @@ impl Emitter<'_> {
             }
             let run = &mut runs[last];
             let index = run.shapes.len();
-            match from {
-                Some(from) if from.run == last => {
-                    run.shapes[from.index].children[from.slot] = Child::node(index as u32);
-                }
-                Some(from) => bridges.push(Bridge { from, to: last }),
-                None => {}
+            if let Some(from) = from.filter(|from| from.run != last) {
+                bridges.push(Bridge { from, to: last });
             }
             if small {
                 continue;
@@ -231,6 +234,10 @@ impl Emitter<'_> {
                 }
             }
             let (places, blocks) = self.sorted(&self.forest(place));
+            let count = places.count as u32;
+            if let Some(from) = from.filter(|from| from.run == last) {
+                run.shapes[from.index].children[from.slot] = Child::node(index as u32, count);
+            }
             let mut children = [Child::EMPTY; WIDTH];
             for (child, place) in children.iter_mut().zip(places.iter()) {
                 if self.plans.of(&self.nodes[place as usize]).is_leaf() {
@@ -242,7 +249,7 @@ impl Emitter<'_> {
                     pending.push((places.places[slot], Some(Slot { run: last, index, slot })));
                 }
             }
-            run.shapes.push(Shape { children, places: places.places });
+            run.shapes.push(Shape { children, places: places.places, count });
         }
     }
 
@@ -316,8 +323,9 @@ impl Emitter<'_> {
         if let Some(instance) = self.instance(&self.nodes[place as usize]) {
             return Child::instance(instance);
         }
-        blocks.push(self.block(place));
-        Child::leaf(blocks.len() as u32 - 1)
+        let (primitives, count) = self.block(place);
+        blocks.push(primitives);
+        Child::leaf(blocks.len() as u32 - 1, count)
     }
 
     fn node(&self, shape: &Shape) -> Node {
@@ -335,8 +343,8 @@ impl Emitter<'_> {
         node
     }
 
-    /// The triangles below a place, from left to right.
-    fn block(&self, place: u32) -> [u32; LANES] {
+    /// The triangles below a place, from left to right, and how many they are.
+    fn block(&self, place: u32) -> ([u32; LANES], u32) {
         let mut primitives = [NO_PRIMITIVE; LANES];
         let mut count = 0;
         let mut stack = [place; LANES];
@@ -352,7 +360,7 @@ impl Emitter<'_> {
                 count += 1;
             }
         }
-        primitives
+        (primitives, count as u32)
     }
 }
 
@@ -360,6 +368,7 @@ impl Emitter<'_> {
 mod tests {
     use super::*;
     use crate::plan::{BLOCK_COST, INSTANCE_COST, NODE_COST};
+    use crate::{BuildOptions, Bvh, Instance, Quality};
 
     /// SplitMix64, below a limit.
     fn random(state: &mut u64, limit: u32) -> u32 {
@@ -490,5 +499,108 @@ mod tests {
             let least = least((&nodes, &bounds, primitives), 0, 1, &mut known);
             assert!((cost / least - 1.0).abs() < 1e-9, "round {round}: {cost} where {least} would do");
         }
+    }
+
+    /// Every child word below `root` tells how many boxes or triangles there are; how many nodes and blocks were seen.
+    fn assert_numbers(bvh: &Bvh, root: Child) -> [usize; 2] {
+        let (mut open, mut seen) = (vec![root], [0; 2]);
+        while let Some(child) = open.pop() {
+            if child.is_instance() {
+                // An instance, or the root of nothing.
+                continue;
+            }
+            let counted = if child.is_leaf() {
+                seen[1] += 1;
+                bvh.block_triangles(child.index() as u32).count()
+            } else {
+                seen[0] += 1;
+                let node = &bvh.nodes[child.index()];
+                assert_eq!(child.node_index(), child.index());
+                open.extend(node.occupied().map(|(_, child)| child));
+                // As a traversal finds them: unused boxes are inside out.
+                node.bounds[0][0].0.iter().zip(node.bounds[0][1].0).filter(|(min, max)| **min <= *max).count()
+            };
+            assert_eq!(child.number() as usize, counted, "{child:?}");
+        }
+        seen
+    }
+
+    #[test]
+    fn children_tell_how_many_there_are() {
+        let mut state = 7;
+        let mut soup = |count: usize| -> Vec<[[f32; 3]; 3]> {
+            (0..count)
+                .map(|_| {
+                    let corner: [f32; 3] = core::array::from_fn(|_| random(&mut state, 100_000) as f32);
+                    core::array::from_fn(|_| {
+                        core::array::from_fn(|i| corner[i] + random(&mut state, 3000) as f32)
+                    })
+                })
+                .collect()
+        };
+        let many = soup(40_000);
+        let meshes = [soup(20_000), soup(1), soup(8), soup(9)];
+        let instances: Vec<Instance> = (0..300)
+            .map(|i| {
+                let [x, y] = [f64::from(i % 20), f64::from(i / 20)].map(|c| c * 1e4);
+                let to_world = [[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 0.1, 0.0]];
+                Instance { mesh: i % 4, to_world }
+            })
+            .collect();
+        let mut parts = 0;
+        for threads in [1, 4] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                for quality in [Quality::Fast, Quality::Medium, Quality::High, Quality::Obvhs] {
+                    for shuffle in [None, Some(3)] {
+                        let options = BuildOptions { quality, shuffle, ..BuildOptions::default() };
+                        for count in [0, 1, 2, 7, 8, 9, 100, 5000, many.len()] {
+                            let bvh = Bvh::build(&many[..count], options).unwrap();
+                            let seen = assert_numbers(&bvh, bvh.root);
+                            assert_eq!(seen, [bvh.nodes.len(), bvh.blocks.len()]);
+                        }
+                        for world in [0, 5, 6000] {
+                            let bvh =
+                                Bvh::build_instanced(&many[..world], &meshes, &instances, options).unwrap();
+                            let mut seen = assert_numbers(&bvh, bvh.root);
+                            for placed in &bvh.instances[..4] {
+                                let below = assert_numbers(&bvh, placed.root);
+                                seen = [seen[0] + below[0], seen[1] + below[1]];
+                            }
+                            assert_eq!(seen, [bvh.nodes.len(), bvh.blocks.len()]);
+                        }
+                    }
+                }
+                // The largest trees are made of several runs where there are several threads.
+                parts += u32::from(part_size(&vec![BinaryNode::EMPTY; 2 * many.len()]) < many.len() as u32);
+            });
+        }
+        assert_eq!(parts, 1);
+    }
+
+    #[test]
+    fn words_keep_their_parts_and_are_in_order_of_kind_and_index() {
+        let last = Child::LIMIT - 1;
+        let mut before = None;
+        for (make, leaf, instance) in [
+            (Child::node as fn(u32, u32) -> Child, false, false),
+            (Child::leaf, true, false),
+            (|index, _| Child::instance(index), true, true),
+        ] {
+            for index in [0, 1, 2, last - 1, last] {
+                let numbers = if instance { 1..=1 } else { 1..=8 };
+                let words: Vec<Child> = numbers.map(|number| make(index, number)).collect();
+                for (word, number) in words.iter().zip(1..) {
+                    assert_eq!((word.is_leaf(), word.is_instance()), (leaf, instance));
+                    assert_eq!((word.index(), word.number()), (index as usize, number));
+                    assert_eq!(word.offset(224), index as usize * 224);
+                    assert!(before < Some(word.0) && *word != Child::EMPTY);
+                    let moved = if instance { index / 2 } else { index / 2 + 3 };
+                    assert_eq!(make(index / 2, number).moved(3, 3), make(moved, number));
+                }
+                before = words.last().map(|word| word.0);
+            }
+        }
+        assert!(before < Some(Child::EMPTY.0));
     }
 }

@@ -116,7 +116,7 @@ impl Placed {
         let matrix =
             self.to_object.iter().flatten().flat_map(|c| [c.to_bits() as u32, (c.to_bits() >> 32) as u32]);
         let bounds = self.bounds.min.iter().chain(&self.bounds.max).map(|c| c.to_bits());
-        matrix.chain(bounds).chain([self.root.0])
+        matrix.chain(bounds).chain([self.root.hashed()])
     }
 
     /// Where the ray enters and leaves the world box, if it passes rule 1 before `t_max`.

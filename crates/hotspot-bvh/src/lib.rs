@@ -74,12 +74,12 @@ pub enum BvhError {
         /// Index of the triangle.
         triangle: usize,
     },
-    /// More than 2^30 − 2 triangles.
+    /// More than 2^27 − 2 triangles.
     TooManyTriangles {
         /// How many were given.
         count: usize,
     },
-    /// More than 2^30 − 2 instances and triangles of the world.
+    /// More than 2^27 − 2 instances and triangles together.
     TooManyInstances {
         /// How many were given.
         count: usize,
@@ -113,10 +113,14 @@ impl core::fmt::Display for BvhError {
                 )
             }
             Self::TooManyTriangles { count } => {
-                write!(f, "{count} triangles are more than a tree can hold ({})", Child::LIMIT)
+                write!(f, "{count} triangles are more than a tree can hold ({})", Child::LIMIT - 1)
             }
             Self::TooManyInstances { count } => {
-                write!(f, "{count} instances are more than a tree can hold ({})", Child::LIMIT)
+                write!(
+                    f,
+                    "{count} instances are more than a tree can hold beside its triangles ({} in all)",
+                    Child::LIMIT - 1
+                )
             }
             Self::NoSuchMesh { instance } => {
                 write!(f, "instance {instance} is of a mesh that does not exist; give the mesh")
@@ -420,14 +424,14 @@ impl Bvh {
         self.isa
     }
 
-    /// All words of the tree in memory order, for hashing: equal trees give equal words.
+    /// What tells the tree from others, in memory order, for hashing: equal trees give equal words.
     pub fn words(&self) -> impl Iterator<Item = u32> + '_ {
         let nodes = self.nodes.iter().flat_map(|n| {
             let bounds = n.bounds.iter().flatten().flat_map(|row| row.0.map(f32::to_bits));
-            bounds.chain(n.children.map(|c| c.0))
+            bounds.chain(n.children.map(Child::hashed))
         });
         let blocks = self.blocks.iter().flat_map(|b| b.primitives);
         let instances = self.instances.iter().flat_map(Placed::words);
-        nodes.chain(blocks).chain(instances).chain([self.root.0])
+        nodes.chain(blocks).chain(instances).chain([self.root.hashed()])
     }
 }

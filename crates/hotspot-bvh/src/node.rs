@@ -1,6 +1,6 @@
 //! The 8-wide tree in memory.
 
-use crate::simd::{F8, Simd};
+use crate::simd::F8;
 
 impl Default for Child {
     fn default() -> Self {
@@ -15,6 +15,10 @@ impl Default for Bounds {
 }
 
 /// Points to a child: a leaf block, an instance, or another node. Blocks and instances are leaves.
+///
+/// From the top: whether it is a leaf, whether an instance, 27 bits of index, and in three bits how many boxes the node or triangles the
+/// block has, less one: so a traversal that counts need not ask what it visits. The number stands below the index, so that words
+/// are in the order of kinds and indices, by which ties between equally near children are decided.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Child(pub(crate) u32);
 
@@ -23,19 +27,30 @@ impl Child {
     /// An unused slot; its box is inside out, so no ray enters it.
     pub(crate) const EMPTY: Self = Self(u32::MAX);
     const INSTANCE: u32 = 1 << 30;
+    /// Bits of the number.
+    const NUMBER_BITS: u32 = 3;
+    const NUMBER: u32 = (1 << Self::NUMBER_BITS) - 1;
     /// Indices below this fit into a child.
-    pub(crate) const LIMIT: u32 = Self::INSTANCE - 1;
+    pub(crate) const LIMIT: u32 = (Self::INSTANCE >> Self::NUMBER_BITS) - 1;
 
-    pub(crate) const fn leaf(block: u32) -> Self {
-        Self(block | Self::LEAF)
+    /// A block of so many triangles, 1 to 8.
+    pub(crate) const fn leaf(block: u32, triangles: u32) -> Self {
+        Self(Self::LEAF | Self::numbered(block, triangles))
     }
 
-    pub(crate) const fn node(node: u32) -> Self {
-        Self(node)
+    /// A node of so many children, 1 to 8.
+    pub(crate) const fn node(node: u32, children: u32) -> Self {
+        Self(Self::numbered(node, children))
     }
 
+    /// An instance, which has no number.
     pub(crate) const fn instance(instance: u32) -> Self {
-        Self(instance | Self::LEAF | Self::INSTANCE)
+        Self(Self::LEAF | Self::INSTANCE | instance << Self::NUMBER_BITS)
+    }
+
+    const fn numbered(index: u32, number: u32) -> u32 {
+        debug_assert!(index < Self::LIMIT && number >= 1 && number <= Self::NUMBER + 1);
+        index << Self::NUMBER_BITS | ((number - 1) & Self::NUMBER)
     }
 
     #[inline(always)]
@@ -51,7 +66,35 @@ impl Child {
     /// Index of the block, instance or node.
     #[inline(always)]
     pub(crate) const fn index(self) -> usize {
-        (self.0 & !(Self::LEAF | Self::INSTANCE)) as usize
+        (self.0 << 2 >> (2 + Self::NUMBER_BITS)) as usize
+    }
+
+    /// The same of what is known to be a node: a shift is all that it takes.
+    #[inline(always)]
+    pub(crate) const fn node_index(self) -> usize {
+        (self.0 >> Self::NUMBER_BITS) as usize
+    }
+
+    /// How far from the first of its kind it lies, where each takes `size` bytes, a multiple of 8.
+    #[inline(always)]
+    pub(crate) const fn offset(self, size: usize) -> usize {
+        // The index stands eightfold in the word.
+        (self.0 & !(Self::LEAF | Self::INSTANCE | Self::NUMBER)) as usize * (size >> Self::NUMBER_BITS)
+    }
+
+    /// Boxes of the node or triangles of the block.
+    #[inline(always)]
+    pub(crate) const fn number(self) -> u32 {
+        (self.0 & Self::NUMBER) + 1
+    }
+
+    /// For hashing: kind and index, which say all; 30 bits for the index, so that a tree has the hash that it always had.
+    pub(crate) const fn hashed(self) -> u32 {
+        if self.0 == Self::EMPTY.0 {
+            self.0
+        } else {
+            self.0 & (Self::LEAF | Self::INSTANCE) | self.index() as u32
+        }
     }
 
     /// The same child after its blocks and nodes were moved by so many places.
@@ -60,9 +103,9 @@ impl Child {
             // An instance, or empty.
             self
         } else if self.is_leaf() {
-            Self(self.0 + blocks)
+            Self(self.0 + (blocks << Self::NUMBER_BITS))
         } else {
-            Self(self.0 + nodes)
+            Self(self.0 + (nodes << Self::NUMBER_BITS))
         }
     }
 }
@@ -92,14 +135,6 @@ impl Node {
         (0..8)
             .filter(|&slot| self.children[slot] != Child::EMPTY)
             .map(move |slot| (bounds(slot), self.children[slot]))
-    }
-
-    /// Occupied slots: the boxes that a visit tests. Told by the boxes themselves, those of unused slots being inside out: a
-    /// sum over `children` may come out of the optimiser as a dozen instructions per visit, depending on what is done with it.
-    #[inline(always)]
-    pub(crate) fn count<S: Simd>(&self, s: S) -> u32 {
-        let [min, max] = &self.bounds[0];
-        s.le(s.load(min), s.load(max)).count_ones()
     }
 }
 

@@ -245,7 +245,7 @@ impl Packet {
                     limit = self.limit();
                 }
             } else {
-                let node: &Node = &bvh.nodes[current.index()];
+                let node: &Node = &bvh.nodes[current.node_index()];
                 let [x, y, z] = &node.bounds;
                 let bounds = [
                     [s.load(&x[0]), s.load(&y[0]), s.load(&z[0])],

@@ -162,7 +162,7 @@ fn fetch<S: Simd>(s: S, bvh: &Bvh, child: Child) {
     let leaf = child.is_leaf();
     let start = select_unpredictable(leaf, bvh.blocks.as_ptr().cast::<u8>(), bvh.nodes.as_ptr().cast::<u8>());
     let stride = select_unpredictable(leaf, size_of::<Block>(), size_of::<Node>());
-    s.prefetch(start.wrapping_add(child.index() * stride));
+    s.prefetch(start.wrapping_add(child.offset(stride)));
 }
 
 /// The first of the entered slots, and the others.
@@ -270,7 +270,7 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usiz
             let index = current.index();
             let block = &bvh.blocks[index];
             if P::ON {
-                probe.leaf(index as u32, block.count(s));
+                probe.leaf(index as u32, current.number());
             }
             let mut candidates = slabs.candidates(s, block, &place, best.t);
             while let Some(left) = &mut candidates
@@ -289,10 +289,10 @@ fn nearest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usiz
                 }
             }
         } else {
-            let index = current.index();
+            let index = current.node_index();
             let node = &bvh.nodes[index];
             if P::ON {
-                probe.node(index as u32, node.count(s));
+                probe.node(index as u32, current.number());
             }
             let (near, entered) = slabs.enter(s, node, best.t);
             if entered != 0 {
@@ -449,7 +449,7 @@ fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usiz
             let index = current.index();
             let block = &bvh.blocks[index];
             if P::ON {
-                probe.leaf(index as u32, block.count(s));
+                probe.leaf(index as u32, current.number());
             }
             let mut candidates = slabs.candidates(s, block, &place, t_max);
             while let Some(left) = &mut candidates
@@ -464,10 +464,10 @@ fn blocked<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usiz
                 }
             }
         } else {
-            let index = current.index();
+            let index = current.node_index();
             let node = &bvh.nodes[index];
             if P::ON {
-                probe.node(index as u32, node.count(s));
+                probe.node(index as u32, current.number());
             }
             let (_, mut entered) = slabs.enter(s, node, t_max);
             if entered != 0 {

@@ -136,13 +136,6 @@ impl Block {
         block
     }
 
-    /// Triangles held. Told by the vertices, NaN in unused lanes, as [`Node::count`](crate::node::Node::count) is by boxes.
-    #[inline(always)]
-    pub(crate) fn count<S: Simd>(&self, s: S) -> u32 {
-        let x = s.load(&self.vertices[0][0]);
-        s.le(x, x).count_ones()
-    }
-
     #[inline(always)]
     pub(crate) fn triangle(&self, lane: usize) -> [[f32; 3]; 3] {
         // Spelled out: `map` would be a call of its own, outside of the instruction set chosen for the traversal.

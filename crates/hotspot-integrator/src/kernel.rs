@@ -201,7 +201,8 @@ impl TileJob<'_> {
             for half in 0..kernel.halves {
                 let range = of_half(&samples, half as u64, halves);
                 let (counting, plain) = split(range.clone(), half as u64);
-                let pixel_sampler = PixelSampler::new(kernel.sampler, x, y, half as u32, kernel.seed);
+                let at = [x, y, half as u32];
+                let pixel_sampler = PixelSampler::of(simd, kernel.sampler, at, kernel.seed);
                 let (film, mut cost) = tile.open(x, y, half);
                 if let Some(cost) = &cost {
                     // Not touched since the last wave, and not before the first path ends: by then they are here.

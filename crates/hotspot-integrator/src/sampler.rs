@@ -33,6 +33,7 @@
 //! The points of a set by itself are those of `sobol_burley::sample_4d`, bit for bit (a test compares them); only the work is arranged for a
 //! renderer: the unscrambled points come from two tables, and the hashes of a set are made once per pixel.
 
+use hotspot_bvh::simd::{Portable, Simd};
 use sobol_burley::parts;
 use std::sync::LazyLock;
 
@@ -64,19 +65,65 @@ const fn sequence(set: u32) -> (u32, u32) {
 /// Sets whose hashes are kept per pixel (eight vertices deep); deeper ones are hashed each time.
 const KEPT: usize = 16;
 
-/// [`sequence`] of the sets that are kept.
-const SEQUENCES: [(u32, u32); KEPT] = {
-    let mut sequences = [(0, 0); KEPT];
+/// Of the sets that are kept: [`sequence`]'s table, and what a pixel's key is mixed with for the seed of the set and of that which gives
+/// the order of its points.
+const SEQUENCES: ([u32; KEPT], [[u32; KEPT]; 2]) = {
+    let (mut tables, mut seeds) = ([0; KEPT], [[0; KEPT]; 2]);
     let mut set = 0;
     while set < KEPT {
-        sequences[set] = sequence(set as u32);
+        let (table, order) = sequence(set as u32);
+        tables[set] = table;
+        seeds[0][set] = salt_of(set as u32);
+        seeds[1][set] = salt_of(order);
         set += 1;
     }
-    sequences
+    (tables, seeds)
 };
 
+/// The scrambles of the sets that are kept, as [`Scrambles`] has them.
+#[derive(Clone, Copy)]
+struct Kept {
+    indices: [u32; KEPT],
+    dimensions: [[u32; 4]; KEPT],
+}
+
+impl Kept {
+    /// Not inlined: within a kernel the compiler may not see that it can hash several at once.
+    #[inline(never)]
+    fn of<S: Simd>(simd: S, key: u32) -> Self {
+        simd.vectorize(
+            #[inline(always)]
+            || Self::new(key),
+        )
+    }
+
+    /// Hash by hash for all sets rather than set by set, in loops that are as simple as can be, so that the compiler does several at
+    /// once: a pixel is visited for few samples at a time, twice where it has halves.
+    #[inline(always)]
+    fn new(key: u32) -> Self {
+        let (_, [sets, orders]) = SEQUENCES;
+        let (mut bases, mut indices) = ([0; KEPT], [0; KEPT]);
+        for (base, salt) in bases.iter_mut().zip(sets) {
+            *base = base_of_seed(mix(key ^ salt));
+        }
+        for (index, salt) in indices.iter_mut().zip(orders) {
+            *index = index_of_seed(mix(key ^ salt));
+        }
+        let mut dimensions = [DIMENSIONS; KEPT];
+        for (dimensions, base) in dimensions.iter_mut().zip(bases) {
+            for d in dimensions {
+                *d = parts::hash(*d ^ base);
+            }
+        }
+        Self { indices, dimensions }
+    }
+}
+
+/// What `sobol_burley` hashes the dimensions of a set with.
+const DIMENSIONS: [u32; 4] = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
+
 /// The scrambles of a set: of the index, and of the four dimensions; and which table they are of.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Scrambles {
     table: u32,
     index: u32,
@@ -93,13 +140,17 @@ impl Scrambles {
     /// As `sobol_burley` derives them from its seed.
     #[inline(always)]
     fn of_seed(seed: u32) -> Self {
-        let base = seed.wrapping_mul(0x9c8f_2d3b);
-        let mut dimensions = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
+        let mut dimensions = DIMENSIONS;
         for d in &mut dimensions {
-            *d = parts::hash(*d ^ base);
+            *d = parts::hash(*d ^ base_of_seed(seed));
         }
         Self { table: 0, index: index_of_seed(seed), dimensions }
     }
+}
+
+#[inline(always)]
+const fn base_of_seed(seed: u32) -> u32 {
+    seed.wrapping_mul(0x9c8f_2d3b)
 }
 
 #[inline(always)]
@@ -110,7 +161,12 @@ fn index_of_seed(seed: u32) -> u32 {
 /// The seed of a set, from a pixel's key.
 #[inline(always)]
 const fn seed_of(key: u32, set: u32) -> u32 {
-    mix(key ^ set.wrapping_mul(0x9e37_79b9))
+    mix(key ^ salt_of(set))
+}
+
+#[inline(always)]
+const fn salt_of(set: u32) -> u32 {
+    set.wrapping_mul(0x9e37_79b9)
 }
 
 #[inline(always)]
@@ -172,7 +228,7 @@ pub(crate) struct PixelSampler {
     kind: SamplerKind,
     key: u32,
     tables: &'static [Table; TOGETHER as usize],
-    kept: [Scrambles; KEPT],
+    kept: Kept,
 }
 
 /// The points of one sample.
@@ -185,23 +241,15 @@ pub(crate) struct Sampler<'a> {
 
 impl PixelSampler {
     /// The points of a pixel. Halves get sequences of their own.
-    #[inline(always)]
     pub(crate) fn new(kind: SamplerKind, x: u32, y: u32, half: u32, seed: u64) -> Self {
+        Self::of(Portable, kind, [x, y, half], seed)
+    }
+
+    /// The same, for an instruction set.
+    #[inline(always)]
+    pub(crate) fn of<S: Simd>(simd: S, kind: SamplerKind, [x, y, half]: [u32; 3], seed: u64) -> Self {
         let key = hash(x, hash(y, hash(half, hash(seed as u32, (seed >> 32) as u32 ^ 0x5bd1_e995))));
-        // Hash by hash for all sets rather than set by set, so that the compiler can do several at once: a pixel is visited for
-        // few samples at a time, twice where it has halves.
-        let (mut seeds, mut indices) = ([0; KEPT], [0; KEPT]);
-        for (set, (seed, index)) in seeds.iter_mut().zip(&mut indices).enumerate() {
-            *seed = seed_of(key, set as u32);
-            *index = index_of_seed(*seed);
-        }
-        let mut kept = [Scrambles::default(); KEPT];
-        for (set, scrambles) in kept.iter_mut().enumerate() {
-            let (table, order) = SEQUENCES[set];
-            *scrambles =
-                Scrambles { table, index: indices[order as usize], ..Scrambles::of_seed(seeds[set]) };
-        }
-        Self { kind, key, tables: &TABLES, kept }
+        Self { kind, key, tables: &TABLES, kept: Kept::of(simd, key) }
     }
 
     /// The points of sample `index`. A Sobol sequence is exact to 2^16 samples; each further block of 2^16 has a
@@ -218,7 +266,9 @@ impl Sampler<'_> {
     pub(crate) fn get(&self, set: u32) -> [f32; 4] {
         let pixel = self.pixel;
         if pixel.kind == SamplerKind::Sobol && self.block == 0 && (set as usize) < KEPT {
-            sobol(pixel.tables, self.index, &pixel.kept[set as usize])
+            let set = set as usize;
+            let (index, dimensions) = (pixel.kept.indices[set], pixel.kept.dimensions[set]);
+            sobol(pixel.tables, self.index, &Scrambles { table: SEQUENCES.0[set], index, dimensions })
         } else {
             self.uncommon(set)
         }

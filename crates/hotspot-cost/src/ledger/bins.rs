@@ -19,7 +19,7 @@ impl Key {
     /// Object and light: slots, below 2^11.
     #[inline(always)]
     pub(super) fn new(object: Column, material: u32, light: Column, bounce: u32, kind: RayKind) -> Self {
-        let how = bounce.min(LAST_BOUNCE) << 2 | kind as u32;
+        let how = 4 * bounce.min(LAST_BOUNCE) + kind as u32;
         let who = u32::from(object) << 18 | u32::from(light) << 7 | how;
         Self(u64::from(who) << 32 | u64::from(material))
     }
@@ -74,17 +74,17 @@ impl BinCounts {
     }
 }
 
-/// A cache line.
+/// A cache line. Rays and hits do not lie side by side: compilers would make a vector of them, for twice the instructions.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
+#[repr(C, align(64))]
 struct Bin {
     key: Key,
     rays: u64,
-    hits: u64,
     /// Nodes with boxes, leaf blocks with shapes.
     visits: [Pair; PAIRS],
     /// The same, of blocked shadow rays.
     blocked: [Pair; PAIRS],
+    hits: u64,
 }
 
 const EMPTY: Bin = Bin {
@@ -134,6 +134,8 @@ pub(super) struct Bins {
     /// What pairs could not hold.
     wide: BTreeMap<Key, BinCounts>,
     used: usize,
+    /// Bits of a hash that are too many.
+    shift: u32,
 }
 
 /// Bins of an empty table.
@@ -141,13 +143,19 @@ const FEWEST: usize = 2048;
 
 impl Bins {
     pub(super) fn new() -> Self {
-        Self { bins: vec![EMPTY; FEWEST], rare: vec![[0; 2]; FEWEST], wide: BTreeMap::new(), used: 0 }
+        Self {
+            bins: vec![EMPTY; FEWEST],
+            rare: vec![[0; 2]; FEWEST],
+            wide: BTreeMap::new(),
+            used: 0,
+            shift: u64::BITS - FEWEST.ilog2(),
+        }
     }
 
-    /// Where the search for a key begins: Fibonacci hashing.
+    /// Where the search for a key begins: Fibonacci hashing, by the product's top bits, since only those depend on the whole key.
     #[inline(always)]
     fn first(&self, key: Key) -> usize {
-        (key.0.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as usize & (self.bins.len() - 1)
+        (key.0.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> self.shift) as usize
     }
 
     /// Adds a ray with its visits of nodes and leaf blocks. `blocked`: it is a shadow ray that hit.
@@ -155,18 +163,19 @@ impl Bins {
     pub(super) fn add_ray(&mut self, key: Key, hit: bool, visits: [Pair; PAIRS], blocked: bool) {
         let index = self.first(key);
         let Some(bin) = self.bins.get_mut(index).filter(|bin| bin.key == key) else {
-            return self.add_elsewhere(key, hit, visits, blocked);
+            let [nodes, leaves] = visits;
+            return self.add_elsewhere(key, hit, nodes, leaves, blocked);
         };
         if bin.add(hit, visits, blocked) {
             self.empty(index);
         }
     }
 
-    /// The same, of a key whose bin is not where the search begins, or that has none.
+    /// The same, of a key whose bin is not where the search begins, or that has none. Pairs by themselves stay in registers.
     #[inline(never)]
-    fn add_elsewhere(&mut self, key: Key, hit: bool, visits: [Pair; PAIRS], blocked: bool) {
+    fn add_elsewhere(&mut self, key: Key, hit: bool, nodes: Pair, leaves: Pair, blocked: bool) {
         let index = self.find(key);
-        if self.bins[index].add(hit, visits, blocked) {
+        if self.bins[index].add(hit, [nodes, leaves], blocked) {
             self.empty(index);
         }
     }
@@ -204,6 +213,7 @@ impl Bins {
         self.used += 1;
         if 8 * self.used > self.bins.len() {
             let len = 2 * self.bins.len();
+            self.shift -= 1;
             let bins = std::mem::replace(&mut self.bins, vec![EMPTY; len]);
             let rare = std::mem::replace(&mut self.rare, vec![[0; 2]; len]);
             for (bin, rare) in bins.into_iter().zip(rare).filter(|(bin, _)| bin.key != Key::EMPTY) {
@@ -269,9 +279,8 @@ mod tests {
                 kind,
             );
             // Few rays of many bins, so that some sums are full at some time.
-            let most = (1 << 31) - 1;
             let [nodes, leaves] = [[3, 4], [5, 6]].map(|visits: [u64; 2]| {
-                if random.below(9) == 0 { [visits[0], most - visits[0]] } else { visits }
+                if random.below(9) == 0 { [Pair::FULL - visits[0], 255 * Pair::FULL / 2] } else { visits }
             });
             let (hit, shadow) = (round % 2 == 0, kind == RayKind::Shadow);
             let counts = BinCounts {

@@ -9,43 +9,97 @@ use super::rows::Traversal;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Two sums in one word: visits below, above them visits and boxes (or triangles) together. So the upper sum is never the
-/// lesser, whatever a visit is of, and the top bit is set before either leaves its half.
+/// Two sums in one word: in the lower 36 bits boxes (or triangles) and visits together, above them visits. No visit has more than 254
+/// boxes, so the sums of fewer than 2^28 visits stay in their parts, and the top bit is set when half of those are there.
+///
+/// Together, since then optimisers see that the one of a visit is to be added to the number, and with it the one by which that is more
+/// than what stands in the word of a tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Pair(u64);
 
 impl Pair {
     pub(super) const NOTHING: Self = Self(0);
-    /// Visits of so many boxes and more are booked elsewhere.
-    const MOST: u32 = 1 << 30;
+    /// Where the visits are.
+    const VISITS: u32 = 36;
+    /// Visits of more boxes are booked elsewhere.
+    pub(super) const MOST: u32 = (1 << 8) - 2;
+    /// With so many visits it is full.
+    pub(super) const FULL: u64 = 1 << (63 - Self::VISITS);
 
-    /// One visit of so many boxes; `None` where these do not fit: 2^30 and more.
+    /// One visit of so many boxes; `None` where these do not fit.
     #[inline(always)]
     pub(super) const fn visit(boxes: u32) -> Option<Self> {
-        if boxes < Self::MOST { Some(Self(((boxes as u64) << 32) + (1 << 32 | 1))) } else { None }
+        if boxes <= Self::MOST { Some(Self(boxes as u64 + (1 << Self::VISITS | 1))) } else { None }
     }
 
-    /// So many visits and boxes, where they fit.
+    /// So many visits and boxes, where they are such as visits add up to, and fewer than fill it.
     pub(super) const fn of([visits, boxes]: [u64; 2]) -> Option<Self> {
-        if visits + boxes < 1 << 31 { Some(Self((visits + boxes) << 32 | visits)) } else { None }
+        if visits < Self::FULL && boxes <= visits * Self::MOST as u64 {
+            Some(Self(visits << Self::VISITS | (visits + boxes)))
+        } else {
+            None
+        }
     }
 
     /// Adds; true where the sum is now to be taken out ([`Self::take`]) before the next one.
     #[inline(always)]
     #[must_use]
     pub(super) const fn add(&mut self, other: Self) -> bool {
+        self.gather(other);
+        self.is_full()
+    }
+
+    /// Adds to a pair of a row; true where that is now to be taken out ([`Self::take_from`]).
+    #[inline(always)]
+    #[must_use]
+    pub(super) const fn add_to(self, word: &mut u64) -> bool {
+        *word = word.wrapping_add(self.0);
+        Self(*word).is_full()
+    }
+
+    /// Takes out a pair of a row.
+    pub(super) const fn take_from(word: &mut u64) -> [u64; 2] {
+        Self(std::mem::replace(word, 0)).split()
+    }
+
+    /// Adds what needs no asking: up to [`Self::FULL`] visits beyond a full sum are not lost.
+    #[inline(always)]
+    pub(super) const fn gather(&mut self, other: Self) {
         self.0 = self.0.wrapping_add(other.0);
+    }
+
+    /// Whether it is to be taken out.
+    #[inline(always)]
+    pub(super) const fn is_full(self) -> bool {
         (self.0 as i64) < 0
+    }
+
+    /// Whether one of two is.
+    #[inline(always)]
+    pub(super) const fn any_full([a, b]: [Self; PAIRS]) -> bool {
+        Self(a.0 | b.0).is_full()
+    }
+
+    /// What was added since it was `before`.
+    #[inline(always)]
+    pub(super) const fn since(self, before: Self) -> Self {
+        Self(self.0.wrapping_sub(before.0))
     }
 
     /// Visits and boxes.
     #[inline(always)]
     pub(super) const fn split(self) -> [u64; 2] {
-        let visits = self.0 & 0xffff_ffff;
-        [visits, (self.0 >> 32) - visits]
+        let visits = self.0 >> Self::VISITS;
+        [visits, (self.0 & ((1 << Self::VISITS) - 1)).wrapping_sub(visits)]
     }
 
-    /// The same, leaving nothing.
+    /// As a row has it.
+    #[cfg(test)]
+    pub(super) const fn word(self) -> u64 {
+        self.0
+    }
+
+    /// Visits and boxes, leaving nothing.
     #[inline(always)]
     pub(super) const fn take(&mut self) -> [u64; 2] {
         std::mem::replace(self, Self::NOTHING).split()
@@ -57,6 +111,11 @@ pub(super) const NODES: usize = 0;
 pub(super) const LEAVES: usize = 1;
 /// How many.
 pub(super) const PAIRS: usize = 2;
+
+/// A row and what follows it, as far as any place can point: so a visit need not ask whether its place is there. Places are those of the
+/// row alone ([`Payers`]). Each word is a [`Pair`]: memory of words that are 0 is not written to before it is used.
+pub(super) type Row = [u64; ROW];
+const ROW: usize = Place::MAX as usize + 1;
 
 /// What cells cannot hold, and what few scenes have.
 #[derive(Clone, Debug)]
@@ -85,16 +144,16 @@ impl Aside {
     }
 
     /// Books what stands in a row's places of the instance that the ray was in ([`Payers::inside`]) on that one's slot.
-    pub(super) fn leave(&mut self, spawner: Column, row: &mut [Pair], inside: Column) {
+    pub(super) fn leave(&mut self, spawner: Column, row: &mut Row, inside: Column) {
         for pair in 0..PAIRS {
-            let visits = row[row.len() - PAIRS + pair].take();
+            let visits = Pair::take_from(&mut row[self.pairs - PAIRS + pair]);
             let place = PAIRS as Place * inside + pair as Place;
             // Not as a pair: it might not fit beside what is there.
             if visits[0] > 0 {
                 let slot = &mut row[usize::from(place)];
-                let [before, boxes] = slot.take();
+                let [before, boxes] = Pair::take_from(slot);
                 match Pair::of([before + visits[0], boxes + visits[1]]) {
-                    Some(sum) => *slot = sum,
+                    Some(sum) => *slot = sum.0,
                     None => self.odd_visits(spawner, place, [before + visits[0], boxes + visits[1]]),
                 }
             }
@@ -123,10 +182,20 @@ impl Aside {
     }
 
     /// A spawner's row: the indices of its pairs.
-    #[inline(always)]
-    pub(super) const fn row(&self, spawner: Column) -> Range<usize> {
+    const fn row(&self, spawner: Column) -> Range<usize> {
         let start = spawner as usize * self.pairs;
         start..start + self.pairs
+    }
+
+    /// The same among all pairs ([`Cells::parts`]).
+    #[inline(always)]
+    pub(super) fn row_of<'c>(&self, words: &'c mut [u64], spawner: Column) -> &'c mut Row {
+        // Sums of numbers of so few bits cannot overflow, which leaves one check.
+        let start = usize::from(spawner) * self.pairs as u32 as usize;
+        match words.get_mut(start..start + ROW).map(TryFrom::try_from) {
+            Some(Ok(row)) => row,
+            _ => unreachable!("a row's length stands behind the last"),
+        }
     }
 
     #[inline(always)]
@@ -150,8 +219,8 @@ impl Aside {
 /// The sums of one worker.
 #[derive(Clone, Debug)]
 pub(super) struct Cells {
-    /// A row for each spawning object: a pair for each place.
-    pairs: Vec<Pair>,
+    /// A row for each spawning object: a pair for each place. Then nothing, so that there is a [`Row`] from each on.
+    pairs: Vec<u64>,
     aside: Aside,
 }
 
@@ -159,7 +228,7 @@ impl Cells {
     pub(super) fn new(payers: &Payers) -> Self {
         let (slots, pairs) = (payers.count(), PAIRS * payers.columns());
         Self {
-            pairs: vec![Pair::NOTHING; slots * pairs],
+            pairs: vec![0; slots * pairs + ROW],
             aside: Aside {
                 slots,
                 pairs,
@@ -172,7 +241,7 @@ impl Cells {
 
     /// The pairs, by row ([`Aside::row`]) and place, and what is kept beside them.
     #[inline(always)]
-    pub(super) const fn parts(&mut self) -> (&mut [Pair], &mut Aside) {
+    pub(super) const fn parts(&mut self) -> (&mut [u64], &mut Aside) {
         (self.pairs.as_mut_slice(), &mut self.aside)
     }
 
@@ -182,10 +251,10 @@ impl Cells {
             (other.aside.slots, other.aside.pairs),
             "ledgers of different scenes"
         );
+        // Most are empty: they are not written to, so that they take no memory.
         for (index, (sum, counts)) in self.pairs.iter_mut().zip(&other.pairs).enumerate() {
-            // Most are empty: they are not written to, so that they take no memory.
-            if *counts != Pair::NOTHING && sum.add(*counts) {
-                self.aside.add_wide(index, sum.take());
+            if *counts != 0 && Pair(*counts).add_to(sum) {
+                self.aside.add_wide(index, Pair::take_from(sum));
             }
         }
         for (index, counts) in &other.aside.overflow {
@@ -240,8 +309,8 @@ impl Cells {
         };
         let row = self.aside.row(spawner as Column);
         for (place, pair) in self.pairs[row.clone()].iter().enumerate() {
-            if *pair != Pair::NOTHING {
-                add(place, pair.split());
+            if *pair != 0 {
+                add(place, Pair(*pair).split());
             }
         }
         for (index, counts) in overflow.range(row.clone()) {
@@ -257,23 +326,27 @@ mod tests {
 
     #[test]
     fn pairs_say_when_they_are_full_and_lose_nothing() {
-        assert_eq!((Pair::visit(1 << 30), Pair::visit(u32::MAX)), (None, None));
-        for boxes in [0, 1, 3, 8, (1 << 30) - 1] {
+        assert_eq!((Pair::visit(255), Pair::visit(u32::MAX)), (None, None));
+        for boxes in [0, 1, 3, 8, 254] {
             let one = Pair::visit(boxes).unwrap();
-            assert_eq!(one.split(), [1, u64::from(boxes)]);
-            // As full as it gets without saying so, by adding it to itself.
-            let (mut pair, mut visits) = (one, 1u64);
-            loop {
-                let (before, twice) = (pair, pair);
-                let full = pair.add(twice);
-                visits *= 2;
-                assert_eq!(pair.split(), [visits, visits * u64::from(boxes)]);
-                assert_eq!(full, visits * (u64::from(boxes) + 1) >= 1 << 31, "{before:?}");
-                if full {
-                    assert_eq!((pair.take(), pair), ([visits, visits * u64::from(boxes)], Pair::NOTHING));
-                    break;
-                }
-            }
+            let boxes = u64::from(boxes);
+            assert_eq!((one.split(), Pair::of([1, boxes])), ([1, boxes], Some(one)));
+            // As full as it gets without saying so.
+            let most = Pair::FULL - 1;
+            let almost = Pair::of([most, most * boxes]).unwrap();
+            assert!(!almost.is_full() && !Pair::any_full([almost, one]));
+            let mut pair = almost;
+            assert!(pair.add(one) && Pair::any_full([pair, one]) && Pair::any_full([one, pair]));
+            assert_eq!(pair.split(), [most + 1, (most + 1) * boxes]);
+            // As many more are not lost.
+            pair.gather(almost);
+            let both = [2 * most + 1, (2 * most + 1) * boxes];
+            assert!(pair.is_full());
+            assert_eq!((pair.since(almost).split(), pair.split()), ([most + 1, (most + 1) * boxes], both));
+            assert_eq!((pair.take(), pair), (both, Pair::NOTHING));
+            assert_eq!(Pair::of([most + 1, 0]), None);
         }
+        // Boxes that no such visits have.
+        assert_eq!(Pair::of([3, 3 * 254 + 1]), None);
     }
 }

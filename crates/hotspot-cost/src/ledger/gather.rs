@@ -1,12 +1,16 @@
 //! Booking rays while they are traced: a probe that records paths too.
 //!
 //! Each worker has a [`Ledger`] of its own and merges it in the end; sums of integers do not depend on the order. What a
-//! visit costs: one look-up of its place, one addition there, one to the ray's own sum; the spawner is booked once per ray. Visits
+//! visit costs: one look-up of its place, one addition there, one to the path's own sum; the spawner is booked once per ray. Visits
 //! inside an instance are added in a place of their own, and moved to the instance's when the ray leaves it: so no visit has to ask.
+//!
+//! Visits of more than 254 boxes or triangles, and of nodes and blocks that do not exist, are booked as exactly, but take longer. A ray may visit
+//! 2^27 nodes and as many leaf blocks from its start or an instance to the next or its end, as many as a tree may have: of one that visits
+//! more, the sums are wrong.
 
 use super::bins::{BinCounts, Bins, Key, RareCounts};
-use super::cells::{Aside, Cells, LEAVES, NODES, PAIRS, Pair};
-use super::payers::{Column, Payers, Place, Tree};
+use super::cells::{Aside, Cells, LEAVES, NODES, PAIRS, Pair, Row};
+use super::payers::{Column, NOWHERE, Payers, Place, Tree};
 use super::rows::{Ledgers, MatrixRow, PayerRow, SpawnerRow, Traversal};
 use crate::recorder::{PathCounts, PathEnd, PixelVisit};
 use hotspot_probe::{NONE, Probe, RayKind, RayProbe, Spawner};
@@ -32,14 +36,13 @@ impl Ledger {
             pairs,
             state: State {
                 tree: payers.tree(),
-                visits: [Pair::NOTHING; PAIRS],
                 key: Key::new(0, NONE, 0, 0, RayKind::Camera),
                 special: false,
                 sums: [[Pair::NOTHING; PAIRS]; 3],
                 left: 0,
                 rare: [0; 2],
                 inside: 0,
-                before: [[0; 2]; PAIRS],
+                apart: [[0; 2]; PAIRS],
                 block: 0,
                 payers,
                 aside,
@@ -115,7 +118,7 @@ impl Ledger {
 #[derive(Debug)]
 pub struct BookedVisit<'p> {
     /// What rays visited, by spawner and place.
-    pairs: &'p mut [Pair],
+    pairs: &'p mut [u64],
     state: State<'p>,
 }
 
@@ -123,13 +126,12 @@ pub struct BookedVisit<'p> {
 #[derive(Debug)]
 struct State<'p> {
     tree: Tree<'p>,
-    /// What the ray visited since it entered an instance: nodes with boxes, leaf blocks with shapes.
-    visits: [Pair; PAIRS],
     /// What sent the ray.
     key: Key,
-    /// Whether there is anything in `rare` or `before`.
+    /// Whether there is anything in `rare` or `apart`.
     special: bool,
-    /// Visits of the path's rays that have ended: of camera and bounce rays, of shadow rays, of blocked shadow rays.
+    /// Visits of the path's rays, nodes with boxes and leaf blocks with shapes: of camera and bounce rays, of shadow rays, of blocked shadow
+    /// rays that have ended. None is full between rays.
     sums: [[Pair; PAIRS]; 3],
     /// Where in [`Aside`] is kept how paths went on from the object that the path left last.
     left: usize,
@@ -137,8 +139,8 @@ struct State<'p> {
     rare: RareCounts,
     /// Slot of the instance that it is in; the scene's between rays.
     inside: Column,
-    /// What it visited before its last instance, and what `visits` cannot hold; nothing between rays.
-    before: [[u64; 2]; PAIRS],
+    /// What it visited and `sums` cannot hold; nothing between rays.
+    apart: [[u64; 2]; PAIRS],
     /// Slot of its last leaf block before that instance.
     block: Column,
     payers: &'p Payers,
@@ -180,45 +182,58 @@ impl State<'_> {
     fn odd_visit(&mut self, id: u32, pair: usize, boxes: u32) {
         let spawner = self.key.object();
         let place = if pair == NODES { self.tree.node(id) } else { self.tree.block(id) };
-        match place.filter(|place| usize::from(*place) < self.aside.row(0).end) {
+        match place.filter(|place| *place != NOWHERE) {
             Some(place) => self.aside.odd_visits(spawner, place, [1, u64::from(boxes)]),
             None => {
                 let triangles = if pair == LEAVES { self.payers.stray(id) } else { &[] };
                 self.aside.visit_nowhere(spawner, pair, boxes, triangles);
             }
         }
-        self.before[pair][0] += 1;
-        self.before[pair][1] += u64::from(boxes);
+        self.apart[pair][0] += 1;
+        self.apart[pair][1] += u64::from(boxes);
         self.special = true;
+    }
+
+    /// The same of few boxes. Told as it would be added: so no visit needs the number apart.
+    #[cold]
+    #[inline(never)]
+    fn stray_visit(&mut self, id: u32, pair: usize, visit: Pair) {
+        let [_, boxes] = visit.split();
+        self.odd_visit(id, pair, boxes as u32);
     }
 
     /// Takes a full pair out of the spawner's row.
     #[cold]
     #[inline(never)]
-    fn empty(&mut self, row: &mut [Pair], place: Place) {
-        self.aside.odd_visits(self.key.object(), place, row[usize::from(place)].take());
+    fn empty(&mut self, row: &mut Row, place: Place) {
+        self.aside.odd_visits(self.key.object(), place, Pair::take_from(&mut row[usize::from(place)]));
     }
 
-    /// Takes the ray's visits of nodes or leaf blocks out of their pair.
+    /// Takes what the ray visited since its kind's sums were `before` out of them, and what else they hold too; what they are now.
+    #[cold]
     #[inline(never)]
-    fn keep_apart(&mut self, pair: usize) {
-        let [visits, boxes] = self.visits[pair].take();
-        self.before[pair][0] += visits;
-        self.before[pair][1] += boxes;
+    fn keep_apart(&mut self, shadow: bool, before: [Pair; PAIRS]) -> [Pair; PAIRS] {
+        let sums = std::mem::replace(&mut self.sums[usize::from(shadow)], before);
+        for ((apart, sum), before) in self.apart.iter_mut().zip(sums).zip(before) {
+            let [visits, boxes] = sum.since(before).split();
+            apart[0] += visits;
+            apart[1] += boxes;
+        }
         self.special = true;
+        self.count_sums();
+        [Pair::NOTHING; PAIRS]
     }
 
     /// The ray enters an instance after `block`, the last that it visited since another.
     #[inline(never)]
-    fn enter(&mut self, row: &mut [Pair], id: u32, block: u32) {
+    fn enter(&mut self, row: &mut Row, id: u32, block: u32) {
         let spawner = self.key.object();
         self.block = self.slot_of_block(block);
         self.aside.leave(spawner, row, self.inside);
         self.inside = self.payers.instance(id);
         self.aside.instance(spawner, self.inside);
         self.rare[0] += 1;
-        self.keep_apart(NODES);
-        self.keep_apart(LEAVES);
+        self.special = true;
     }
 
     /// The slot that pays for what happens in the ray's last block, if that is after its last instance.
@@ -239,27 +254,33 @@ impl State<'_> {
         self.special = true;
     }
 
-    /// Books a ray that has ended, and all of whose visits are in their pairs.
+    /// Whether the ray's visits are not all in sums that can take more of them, or there is something else that few rays have.
     #[inline(always)]
-    fn finish(&mut self, shadow: bool, hit: bool) {
-        let (visits, blocked) = (self.visits, hit && shadow);
+    fn is_special(&self, shadow: bool) -> bool {
+        self.special || Pair::any_full(self.sums[usize::from(shadow)])
+    }
+
+    /// Books a ray that has ended, all of whose visits are in the sums of its kind, which were `before`.
+    #[inline(always)]
+    fn finish(&mut self, before: [Pair; PAIRS], shadow: bool, hit: bool) {
+        let [nodes, leaves] = self.sums[usize::from(shadow)];
+        let visits = [nodes.since(before[NODES]), leaves.since(before[LEAVES])];
+        let blocked = hit && shadow;
         self.bins.add_ray(self.key, hit, visits, blocked);
-        let kind = usize::from(shadow);
-        let mut full = false;
-        for (pair, visits) in visits.into_iter().enumerate() {
-            full |= self.sums[kind][pair].add(visits);
-            if blocked {
-                full |= self.sums[BLOCKED][pair].add(visits);
-            }
-        }
-        if full {
-            self.count_sums();
+        if blocked {
+            // No more than all shadow rays have, which is taken out with it.
+            let [nodes, leaves] = &mut self.sums[BLOCKED];
+            nodes.gather(visits[NODES]);
+            leaves.gather(visits[LEAVES]);
         }
     }
 
     /// Books a ray that has ended, with what few rays have.
     #[inline(never)]
-    fn finish_special(&mut self, row: &mut [Pair], shadow: bool, hit: bool) {
+    fn finish_special(&mut self, row: &mut Row, mut before: [Pair; PAIRS], shadow: bool, hit: bool) {
+        if Pair::any_full(self.sums[usize::from(shadow)]) {
+            before = self.keep_apart(shadow, before);
+        }
         let rare = std::mem::take(&mut self.rare);
         self.bins.add_rare(self.key, rare);
         self.counts().add_instances(shadow, rare[0]);
@@ -268,29 +289,27 @@ impl State<'_> {
             self.inside = 0;
         }
         self.block = 0;
-        self.keep_apart(NODES);
-        self.keep_apart(LEAVES);
         self.special = false;
-        let [nodes, leaves] = std::mem::take(&mut self.before);
-        if let (Some(nodes), Some(leaves)) = (Pair::of(nodes), Pair::of(leaves)) {
-            self.visits = [nodes, leaves];
-            return self.finish(shadow, hit);
+        let [nodes, leaves] = std::mem::take(&mut self.apart);
+        if [nodes, leaves] != [[0; 2]; PAIRS] {
+            let blocked = hit && shadow;
+            self.counts().add_visits(shadow, nodes, leaves);
+            if blocked {
+                self.counts().add_blocked(nodes[0], leaves[1]);
+            }
+            // The ray itself is counted with what is in the sums.
+            let counts = BinCounts {
+                rays: 0,
+                hits: 0,
+                blocked: if blocked { nodes[0] + leaves[1] } else { 0 },
+                nodes: nodes[0],
+                boxes: nodes[1],
+                leaves: leaves[0],
+                shapes: leaves[1],
+            };
+            self.bins.add_wide(self.key, &counts);
         }
-        let blocked = hit && shadow;
-        self.counts().add_visits(shadow, nodes, leaves);
-        if blocked {
-            self.counts().add_blocked(nodes[0], leaves[1]);
-        }
-        let counts = BinCounts {
-            rays: 1,
-            hits: hit.into(),
-            blocked: if blocked { nodes[0] + leaves[1] } else { 0 },
-            nodes: nodes[0],
-            boxes: nodes[1],
-            leaves: leaves[0],
-            shapes: leaves[1],
-        };
-        self.bins.add_wide(self.key, &counts);
+        self.finish(before, shadow, hit);
     }
 
     /// Moves the path's sums of visits to its counts.
@@ -339,9 +358,9 @@ impl<'p> Probe for BookedPath<'_, 'p> {
         }
         state.counts().untraced(by);
         state.key = state.key_of(spawner, by);
-        state.visits = [Pair::NOTHING; PAIRS];
-        let row = &mut pairs[state.aside.row(spawner)];
-        BookedRay { state, row, block: NONE, shadow: by.kind == RayKind::Shadow }
+        let row = state.aside.row_of(pairs, spawner);
+        let shadow = by.kind == RayKind::Shadow;
+        BookedRay { before: state.sums[usize::from(shadow)], state, row, block: NONE, shadow }
     }
 
     #[inline(always)]
@@ -374,7 +393,9 @@ impl<'p> Probe for BookedPath<'_, 'p> {
 pub struct BookedRay<'r, 'p> {
     state: &'r mut State<'p>,
     /// The spawner's row, by place.
-    row: &'r mut [Pair],
+    row: &'r mut Row,
+    /// The sums of its kind without its visits.
+    before: [Pair; PAIRS],
     /// Its last leaf block since it entered an instance, [`NONE`] without one.
     block: u32,
     shadow: bool,
@@ -383,19 +404,16 @@ pub struct BookedRay<'r, 'p> {
 impl BookedRay<'_, '_> {
     #[inline(always)]
     fn visit(&mut self, id: u32, place: Option<Place>, pair: usize, boxes: u32) {
-        if let Some(visit) = Pair::visit(boxes)
-            && let Some(place) = place
-            && let Some(sum) = self.row.get_mut(usize::from(place))
-        {
-            if sum.add(visit) {
-                self.state.empty(self.row, place);
-            }
-            if self.state.visits[pair].add(visit) {
-                self.state.keep_apart(pair);
-            }
-        } else {
-            self.state.odd_visit(id, pair, boxes);
+        let Some(visit) = Pair::visit(boxes) else { return self.state.odd_visit(id, pair, boxes) };
+        // Nodes are all somewhere.
+        let Some(place) = place.filter(|place| pair == NODES || *place != NOWHERE) else {
+            return self.state.stray_visit(id, pair, visit);
+        };
+        if visit.add_to(&mut self.row[usize::from(place)]) {
+            self.state.empty(self.row, place);
         }
+        // Asked at the ray's end whether it is full.
+        self.state.sums[usize::from(self.shadow)][pair].gather(visit);
     }
 }
 
@@ -415,6 +433,9 @@ impl RayProbe for BookedRay<'_, '_> {
     fn instance(&mut self, id: u32) {
         let block = std::mem::replace(&mut self.block, NONE);
         self.state.enter(self.row, id, block);
+        if Pair::any_full(self.state.sums[usize::from(self.shadow)]) {
+            self.before = self.state.keep_apart(self.shadow, self.before);
+        }
     }
 
     #[inline(always)]
@@ -424,10 +445,88 @@ impl RayProbe for BookedRay<'_, '_> {
 
     #[inline(always)]
     fn finish(self, hit: bool) {
-        if self.state.special {
-            self.state.finish_special(self.row, self.shadow, hit);
+        if self.state.is_special(self.shadow) {
+            self.state.finish_special(self.row, self.before, self.shadow, hit);
         } else {
-            self.state.finish(self.shadow, hit);
+            self.state.finish(self.before, self.shadow, hit);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::payers::{Payer, PayerDesc};
+    use super::*;
+    use crate::{Cause, Counter, Frame, FrameDesc};
+
+    /// Sums of a row and of a path that are nearly full, and a ray that visits more than a pair can hold.
+    #[test]
+    fn full_sums_lose_nothing() {
+        let desc = PayerDesc {
+            triangles: vec![1],
+            nodes: vec![Payer::Object(0)],
+            blocks: vec![Payer::Object(0)],
+            instances: vec![0],
+            ..PayerDesc::default()
+        };
+        let payers = Payers::new(&desc);
+        let (mut ledger, mut frame) = (Ledger::new(&payers), Frame::new(FrameDesc::new(1, 1)));
+        let nearly = Pair::FULL - 3;
+        let full = Pair::of([nearly, 8 * nearly]).unwrap();
+        let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
+        let mut visit = ledger.visit(&payers, pixel.visit());
+        visit.pairs.iter_mut().take(2 * payers.columns()).for_each(|pair| *pair = full.word());
+        let mut path = visit.path();
+        // As if earlier rays of the path had visited so much.
+        path.visit.state.sums[..2].fill([full; PAIRS]);
+        let shadow = Spawner { kind: RayKind::Shadow, ..Spawner::CAMERA };
+        let [mut nodes, mut leaves] = [0u64; 2];
+        for (round, by) in [Spawner::CAMERA, shadow, shadow, Spawner::CAMERA].into_iter().enumerate() {
+            let mut ray = path.ray(by);
+            for _ in 0..7 {
+                ray.node(0, 5);
+                ray.leaf(0, 2);
+                nodes += 1;
+                leaves += 1;
+                if round > 1 {
+                    ray.instance(0);
+                }
+            }
+            ray.finish(true);
+        }
+        // Into sums that are as good as full: as much again.
+        path.visit.state.count_sums();
+        path.visit.state.sums[0] = [full; PAIRS];
+        let mut ray = path.ray(Spawner::CAMERA);
+        for _ in 0..Pair::FULL {
+            ray.node(0, 5);
+        }
+        nodes += Pair::FULL;
+        ray.finish(false);
+        path.end(PathEnd { cause: Cause::Escaped, throughput: 1.0, brought_radiance: true, first_object: 0 });
+        drop(visit);
+        let all = frame.cost_total(0, 0);
+        // What the sums began with, of both kinds of rays and once more for the last.
+        assert_eq!(all.get(Counter::Nodes), nodes + 3 * nearly);
+        assert_eq!(all.get(Counter::Boxes), 5 * nodes + 3 * 8 * nearly);
+        assert_eq!(all.get(Counter::Leaves), leaves + 3 * nearly);
+        assert_eq!(all.get(Counter::Shapes), 2 * leaves + 3 * 8 * nearly);
+        assert_eq!(all.get(Counter::NodesShadow), 14 + nearly);
+        assert_eq!(all.get(Counter::WasteNodes), 14);
+        let rows = ledger.rows(&payers, &["a".to_owned()], &[]);
+        let sum = |rows: &mut dyn Iterator<Item = Traversal>| {
+            rows.fold(Traversal::default(), |mut sum, row| {
+                sum.add(&row);
+                sum
+            })
+        };
+        let sent = sum(&mut rows.spawner.iter().map(|row| row.traversal));
+        assert_eq!([sent.nodes, sent.boxes], [nodes, 5 * nodes]);
+        assert_eq!([sent.leaves, sent.shapes], [leaves, 2 * leaves]);
+        // The row began with that much in each column.
+        let began = nearly * payers.columns() as u64;
+        let paid = sum(&mut rows.payer.iter().map(|row| row.traversal));
+        assert_eq!([paid.nodes, paid.boxes], [nodes + began, 5 * nodes + 8 * began]);
+        assert_eq!([paid.leaves, paid.shapes], [leaves + began, 2 * leaves + 8 * began]);
     }
 }

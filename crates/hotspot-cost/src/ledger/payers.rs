@@ -38,7 +38,7 @@ pub(super) type Column = u16;
 pub(super) type Place = u16;
 
 /// Beyond every row: blocks of several objects without a column, which are in `strays`.
-const NOWHERE: Place = Place::MAX;
+pub(super) const NOWHERE: Place = Place::MAX;
 
 /// Most slots: the matrix holds the square of it.
 const MOST_SLOTS: usize = 1024;

@@ -120,9 +120,9 @@ fn booked_in(
                                 Payer::Scene(_) => None,
                                 Payer::Instance => inside,
                             };
-                            // Seldom as many as foreign trees might claim, and often enough to fill a pair of sums.
-                            let boxes = [5, 8, 0, u32::MAX, 1 << 31, 1 << 28, (1 << 31) - 1]
-                                [random.below(60).saturating_sub(53) as usize];
+                            // Seldom as many as foreign trees might claim.
+                            let boxes = [5, 8, 0, 254, 255, u32::MAX, 1 << 31, 1 << 28, (1 << 31) - 1]
+                                [random.below(62).saturating_sub(53) as usize];
                             ray.node(id, boxes);
                             cost += 1;
                             oracle.event(by, payer, |t| {

@@ -18,9 +18,23 @@ struct Visits {
     nodes: u64,
     leaves: u64,
     rays: u64,
-    boxes: u64,
-    shapes: u64,
+    /// Boxes less nodes and shapes less leaf blocks, modulo 2^64: traversals that know these numbers as one more than what is written
+    /// in a word then need not add that one.
+    boxes_beyond_nodes: u64,
+    shapes_beyond_leaves: u64,
     instances: u64,
+}
+
+impl Visits {
+    #[inline(always)]
+    const fn boxes(&self) -> u64 {
+        self.boxes_beyond_nodes.wrapping_add(self.nodes)
+    }
+
+    #[inline(always)]
+    const fn shapes(&self) -> u64 {
+        self.shapes_beyond_leaves.wrapping_add(self.leaves)
+    }
 }
 
 /// Sums by kind of ray, and what no kind is asked of.
@@ -38,7 +52,7 @@ impl Counts {
     #[inline(always)]
     fn totals(&self) -> [u64; 3] {
         let [others, shadow] = &self.visits;
-        [others.rays + shadow.rays, others.nodes + shadow.nodes, others.shapes + shadow.shapes]
+        [others.rays + shadow.rays, others.nodes + shadow.nodes, others.shapes() + shadow.shapes()]
     }
 }
 
@@ -65,9 +79,10 @@ impl PathCounts {
     pub(crate) fn add_visits(&mut self, shadow: bool, [nodes, boxes]: [u64; 2], [leaves, shapes]: [u64; 2]) {
         let visits = &mut self.counts.visits[usize::from(shadow)];
         visits.nodes += nodes;
-        visits.boxes += boxes;
         visits.leaves += leaves;
-        visits.shapes += shapes;
+        let (more_boxes, more_shapes) = (boxes.wrapping_sub(nodes), shapes.wrapping_sub(leaves));
+        visits.boxes_beyond_nodes = visits.boxes_beyond_nodes.wrapping_add(more_boxes);
+        visits.shapes_beyond_leaves = visits.shapes_beyond_leaves.wrapping_add(more_shapes);
     }
 
     /// Of the visits that were added these were of blocked shadow rays.
@@ -96,8 +111,8 @@ impl Probe for PathCounts {
     #[inline(always)]
     fn ray(&mut self, by: Spawner) -> RayCounter<'_> {
         self.untraced(by);
-        let Visits { nodes, shapes, .. } = self.counts.visits[SHADOW];
-        let before = [nodes, shapes];
+        let Visits { nodes, leaves, shapes_beyond_leaves, .. } = self.counts.visits[SHADOW];
+        let before = [nodes, leaves, shapes_beyond_leaves];
         RayCounter { kind: usize::from(by.kind == RayKind::Shadow), before, path: self }
     }
 
@@ -129,8 +144,8 @@ pub struct RayCounter<'r> {
     path: &'r mut PathCounts,
     /// Which of each pair of sums.
     kind: usize,
-    /// Nodes and shapes of shadow rays before this one.
-    before: [u64; 2],
+    /// Nodes, leaf blocks and shapes beyond them of shadow rays before this one.
+    before: [u64; 3],
 }
 
 impl RayProbe for RayCounter<'_> {
@@ -138,14 +153,16 @@ impl RayProbe for RayCounter<'_> {
     fn node(&mut self, _id: u32, boxes: u32) {
         let visits = &mut self.path.counts.visits[self.kind];
         visits.nodes += 1;
-        visits.boxes += u64::from(boxes);
+        let more = u64::from(boxes).wrapping_sub(1);
+        visits.boxes_beyond_nodes = visits.boxes_beyond_nodes.wrapping_add(more);
     }
 
     #[inline(always)]
     fn leaf(&mut self, _id: u32, shapes: u32) {
         let visits = &mut self.path.counts.visits[self.kind];
         visits.leaves += 1;
-        visits.shapes += u64::from(shapes);
+        let more = u64::from(shapes).wrapping_sub(1);
+        visits.shapes_beyond_leaves = visits.shapes_beyond_leaves.wrapping_add(more);
     }
 
     #[inline(always)]
@@ -161,8 +178,10 @@ impl RayProbe for RayCounter<'_> {
     #[inline(always)]
     fn finish(self, hit: bool) {
         if self.kind == SHADOW && hit {
-            let Visits { nodes, shapes, .. } = self.path.counts.visits[SHADOW];
-            self.path.add_blocked(nodes - self.before[0], shapes - self.before[1]);
+            let Visits { nodes, leaves, shapes_beyond_leaves, .. } = self.path.counts.visits[SHADOW];
+            let [nodes_before, leaves_before, more_before] = self.before;
+            let more = shapes_beyond_leaves.wrapping_sub(more_before);
+            self.path.add_blocked(nodes - nodes_before, more.wrapping_add(leaves - leaves_before));
         }
     }
 }
@@ -250,8 +269,8 @@ impl Drop for PixelVisit<'_> {
         };
         both(|v| v.rays, Counter::Rays, Counter::RaysShadow);
         both(|v| v.nodes, Counter::Nodes, Counter::NodesShadow);
-        both(|v| v.shapes, Counter::Shapes, Counter::ShapesShadow);
-        both(|v| v.boxes, Counter::Boxes, Counter::BoxesShadow);
+        both(Visits::shapes, Counter::Shapes, Counter::ShapesShadow);
+        both(Visits::boxes, Counter::Boxes, Counter::BoxesShadow);
         both(|v| v.leaves, Counter::Leaves, Counter::LeavesShadow);
         both(|v| v.instances, Counter::Instances, Counter::InstancesShadow);
         pixel.add(Counter::Bsdf, bsdf);

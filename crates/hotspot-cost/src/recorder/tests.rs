@@ -44,6 +44,33 @@ fn sums_beyond_32_and_53_bits_are_exact() {
     assert_eq!(serde_json::from_str::<Sum>(&text).unwrap(), Sum::Exact(exact));
 }
 
+/// Boxes and shapes are kept as what is beyond one for each visit: also where there is none, and for blocked rays alone.
+#[test]
+fn visits_of_nothing_and_of_very_much_are_counted() {
+    let mut frame = Frame::new(FrameDesc::new(1, 1));
+    let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
+    let mut visit = pixel.visit();
+    let rays =
+        [(Spawner::CAMERA, [0, 0]), (SHADOW, [0, 3]), (SHADOW, [u32::MAX, 0]), (SHADOW, [8, u32::MAX])];
+    for (round, (by, [boxes, shapes])) in rays.into_iter().enumerate() {
+        let mut ray = visit.path().ray(by);
+        ray.leaf(0, shapes);
+        ray.node(0, boxes);
+        ray.leaf(1, shapes);
+        // The last two are blocked.
+        ray.finish(round > 1);
+        visit.end(END);
+    }
+    drop(visit);
+    let all = frame.cost_total(0, 0);
+    let most = u64::from(u32::MAX);
+    assert_eq!((all.get(Counter::Nodes), all.get(Counter::Boxes)), (4, most + 8));
+    assert_eq!((all.get(Counter::Leaves), all.get(Counter::Shapes)), (8, 2 * (3 + most)));
+    assert_eq!((all.get(Counter::BoxesShadow), all.get(Counter::ShapesShadow)), (most + 8, 2 * (3 + most)));
+    // Of paths that brought light, what their blocked shadow rays met.
+    assert_eq!((all.get(Counter::WasteNodes), all.get(Counter::WasteShapes)), (2, 2 * most));
+}
+
 #[test]
 fn pixels_add_up_to_totals_and_layers_to_both() {
     for intervals in [false, true] {
