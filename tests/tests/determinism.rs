@@ -200,7 +200,8 @@ fn trees_do_not_depend_on_threads_or_instruction_set() {
 #[test]
 fn what_is_learned_does_not_depend_on_threads() {
     for (name, scene, camera) in scenes() {
-        let scene = prepared(&scene, Isa::Auto);
+        let portable = scene;
+        let scene = prepared(&portable, Isa::Auto);
         let mut settings = settings(40, 30, 4, 8, 3);
         settings.roulette = Roulette::Efficient;
         settings.light_choice = LightChoice::Learned;
@@ -209,6 +210,8 @@ fn what_is_learned_does_not_depend_on_threads() {
             let other = on_threads(threads, &scene, &camera, &settings);
             assert_same(&one, &other, &format!("{name} on {threads} threads"));
         }
+        let portable = prepared(&portable, Isa::Portable);
+        assert_same(&one, &on_threads(2, &portable, &camera, &settings), &format!("{name}, portable"));
         // Roulette does not depend on the number of samples either (lights do): stopped early is what a shorter render gives.
         settings.light_choice = LightChoice::Power;
         let short = frame(&scene, &camera, &settings).frame;

@@ -238,7 +238,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
         if bounces == 0
             && let Some(gain) = settings.roulette.gain
         {
-            survival_scale *= Survival::relative(gain, throughput.max_element());
+            survival_scale *= Survival::relative(gain, throughput.max_element() * survival_scale);
         }
 
         if bounces >= settings.roulette.from {

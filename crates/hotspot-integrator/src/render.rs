@@ -3,7 +3,7 @@
 use crate::adaptive::{Plan, pilot};
 use crate::camera::FilmCamera;
 use crate::kernel::{Kernel, Lost, NonFinite, TileJob};
-use crate::light::{Learned, Lessons, walks};
+use crate::light::{Learned, Lessons};
 use crate::path::PathSettings;
 use crate::roulette::{Pilot, Roulette, Survival};
 use crate::sampler::SamplerKind;
@@ -119,14 +119,7 @@ impl Settings {
     pub(crate) fn guides(&self, scene: &RenderScene, camera: Option<&FilmCamera>) -> Guides {
         let lessons = self.light_choice == LightChoice::Learned;
         let learned = camera.and_then(|camera| {
-            let pixels = u64::from(self.width) * u64::from(self.height);
-            let walks = walks(pixels.saturating_mul(u64::from(self.spp)), self.time_limit);
-            Learned::new(
-                scene,
-                camera,
-                self.seed,
-                Lessons { facing: lessons, windows: lessons.then_some(walks) },
-            )
+            Learned::new(scene, camera, self.seed, Lessons { facing: lessons, windows: lessons })
         });
         let survival = Survival::new(self.roulette, |roulette| {
             let pilot = Pilot {
@@ -134,7 +127,6 @@ impl Settings {
                 camera: *camera?,
                 size: (self.width, self.height),
                 sampler: self.sampler,
-                seed: self.seed,
                 path: PathSettings {
                     max_depth: self.max_depth,
                     roulette,
@@ -237,8 +229,10 @@ pub struct Rendered {
     pub samples: u32,
     /// Why it ended.
     pub stop: Stop,
-    /// Seconds of sampling, without those spent in the hooks of [`Control`].
+    /// Seconds of learning and sampling, without those spent in the hooks of [`Control`].
     pub seconds: f64,
+    /// Of these, what was spent before the first sample: on lights and roulette that learn.
+    pub learning_seconds: f64,
     /// Worker threads.
     pub threads: usize,
     /// Name of the kernel: tree, instruction set, scene class.
@@ -327,6 +321,7 @@ fn render_in_tiles(
     let start = Instant::now();
     let camera = settings.film_camera(camera);
     let guides = settings.guides(scene, Some(&camera));
+    let learning_seconds = start.elapsed().as_secs_f64();
     let pixels = u64::from(settings.width) * u64::from(settings.height);
     let kernel = Kernel {
         scene,
@@ -456,6 +451,7 @@ fn render_in_tiles(
         samples: ((taken.into_inner() + pixels / 2) / pixels) as u32,
         stop,
         seconds,
+        learning_seconds,
         threads: rayon::current_num_threads(),
         kernel: format!(
             "bvh8-single-ray {} {}",

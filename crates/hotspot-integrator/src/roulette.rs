@@ -29,7 +29,8 @@ pub enum Roulette {
     /// probability, at most 0.95.
     From(u32),
     /// From the second surface vertex on, as likely as makes the least error for the time; how likely that is, some thousand paths find
-    /// out before the first sample (counted in the render's seconds).
+    /// out before the first sample (counted in the render's seconds). Where there is nothing to find, as in baking without a camera,
+    /// twice the throughput over that of the first vertex.
     Efficient,
 }
 
@@ -71,5 +72,30 @@ impl Survival {
     #[inline(always)]
     pub(crate) fn relative(gain: f32, weight: f32) -> f32 {
         gain / if weight > LEAST_BASE { weight } else { LEAST_BASE }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn throughputs_are_relative_to_the_first_unless_that_is_tiny() {
+        assert_eq!(Survival::relative(2.0, 0.5), 4.0);
+        assert_eq!(Survival::relative(2.0, 4.0), 0.5);
+        for weight in [0.05, 0.0, f32::NAN] {
+            assert_eq!(Survival::relative(2.0, weight), 2.0 / LEAST_BASE);
+        }
+        assert_eq!(Survival::relative(2.0, f32::INFINITY), 0.0);
+    }
+
+    #[test]
+    fn only_efficient_roulette_asks_for_a_gain() {
+        let never = |_| -> Option<f32> { unreachable!("no gain is needed") };
+        assert_eq!(Survival::new(Roulette::Off, never), Survival { from: u32::MAX, gain: None });
+        assert_eq!(Survival::new(Roulette::From(3), never), Survival { from: 3, gain: None });
+        let found = Survival::new(Roulette::Efficient, |usual| usual.gain.map(|gain| 2.0 * gain));
+        assert_eq!(found, Survival { from: 1, gain: Some(2.0 * USUAL_GAIN) });
+        assert_eq!(Survival::new(Roulette::Efficient, |_| None).gain, Some(USUAL_GAIN));
     }
 }

@@ -59,7 +59,7 @@ fn a_luminous_box_loses_the_rest_of_the_series() {
         near("lost", of(&|l| l.lost.unwrap()), f64::from(e) * rho.powi(n + 1) / (1.0 - rho));
         near("share", of(&|l| l.lost_share.unwrap()), rho.powi(n + 1));
         near("decay", of(&|l| l.decay.unwrap()), rho);
-        if roulette.is_none() {
+        if roulette == Roulette::Off {
             // But for directions drawn along the very surface.
             assert!(all.iter().all(|l| l.paths > 0.9999), "{what}: every path is cut");
         } else {

@@ -190,7 +190,7 @@ fn roulette_does_not_bias() {
         for (c, ((a, sa), (b, sb))) in off.into_iter().zip(with(roulette, seed)).enumerate() {
             let sigma = sa.hypot(sb);
             assert!((a - b).abs() < 4.0 * sigma, "{roulette:?}, channel {c}: {a} and {b}, sigma {sigma}");
-            assert!(sigma < 0.02 * a, "from {from}: sigma {sigma} of {a}");
+            assert!(sigma < 0.02 * a, "{roulette:?}: sigma {sigma} of {a}");
         }
     }
 }

@@ -128,7 +128,7 @@ impl Metric {
                 "cause.roulette",
                 "Paths ended by roulette",
                 "share of paths",
-                "Dim paths that Russian roulette ended at random.",
+                "Paths that Russian roulette ended at random, mostly dim ones.",
             ),
             Self::DepthLimit => (
                 "cause.depth_limit",

@@ -25,21 +25,14 @@ use hotspot_probe::{NONE, NoProbe};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
-use std::time::Duration;
 
-/// Camera samples for each walk. A walk costs as much as a few samples: what learning more brings (on the living room four
-/// times the walks a tenth less error) pays for about so many.
-const SAMPLES_PER_WALK: u64 = 32;
-/// Fewest walks, and most: what more bring is little, and each may note up to [`MOST_NOTES`] escapes of 8 bytes.
-const FEWEST: u32 = 1 << 13;
-const MOST: u32 = 1 << 17;
-/// Walks for each second of a time limit.
-const WALKS_PER_SECOND: f64 = (1 << 14) as f64;
+/// Walks: of these a sixteenth searches. On the living room four times as many bring a tenth less error. Always the same number, so that
+/// a shorter or smaller render, such as a pilot of `predict`, is about what a longer one is.
+const WALKS: u32 = 1 << 15;
 /// Directions checked at each vertex.
 const CHECKS: u32 = 4;
-const MOST_NOTES: usize = ((LENGTH + 1) * CHECKS + 1) as usize;
-// Escapes take 25 MiB at most, and as much again while they are sorted.
-const _: () = assert!(MOST as usize * MOST_NOTES * size_of::<Escape>() <= 25 << 20);
+// Most escapes; beside them is another copy while they are sorted or gathered.
+const _: () = assert!((WALKS * ((LENGTH + 1) * CHECKS + 1)) as usize * size_of::<Escape>() <= 8 << 20);
 /// Scattering events of a walk, at most.
 const LENGTH: u32 = 5;
 /// Walks that one thread takes at a time.
@@ -73,16 +66,8 @@ impl Viewpoint {
 pub(crate) struct Lessons {
     /// Choose emissive triangles by where they are seen from.
     pub(crate) facing: bool,
-    /// Sample a constant environment where it is seen, as found by so many walks ([`walks`]).
-    pub(crate) windows: Option<u32>,
-}
-
-/// Walks for a render of so many camera samples, which may end after `limit`: a function of settings alone.
-pub(crate) fn walks(samples: u64, limit: Option<Duration>) -> u32 {
-    let limit = limit.map_or(f64::INFINITY, |limit| limit.as_secs_f64() * WALKS_PER_SECOND);
-    // Float to integer saturates.
-    let walks = (samples / SAMPLES_PER_WALK).min(limit as u64).clamp(u64::from(FEWEST), u64::from(MOST));
-    walks as u32 / BATCH * BATCH
+    /// Sample a constant environment where it is seen.
+    pub(crate) windows: bool,
 }
 
 impl Learned {
@@ -94,8 +79,7 @@ impl Learned {
             .then(|| Facing::new(&lights.triangles, lights.patches.all(), &scene.geometry))
             .flatten();
         let constant = matches!(lights.environment, Surroundings::Constant(_));
-        let windows = lessons.windows.filter(|_| constant);
-        let windows = windows.map(|walks| learn_windows(scene, camera, seed, walks));
+        let windows = (lessons.windows && constant).then(|| learn_windows(scene, camera, seed));
         let windows = windows.filter(|windows| windows.len() > 0);
         (facing.is_some() || windows.is_some()).then_some(Self { facing, windows })
     }
@@ -162,7 +146,7 @@ impl Learned {
 
 /// In a room few rays get out by chance, one in thirty: so the first walks learn where windows are about, and the others check
 /// directions towards them at each vertex, a quarter of them first, so that the rest knows better where to look.
-fn learn_windows(scene: &RenderScene, camera: &FilmCamera, seed: u64, walks: u32) -> Windows {
+fn learn_windows(scene: &RenderScene, camera: &FilmCamera, seed: u64) -> Windows {
     let grid = Grid::new(scene.bounds());
     // Sums of whole numbers do not depend on their order.
     let visits: Vec<AtomicU32> = (0..grid.keys()).map(|_| AtomicU32::new(0)).collect();
@@ -176,7 +160,7 @@ fn learn_windows(scene: &RenderScene, camera: &FilmCamera, seed: u64, walks: u32
             })
             .collect()
     };
-    let rounds = [walks / 16, walks / 4, walks].map(|end| (end / BATCH).max(1) * BATCH);
+    let rounds = [WALKS / 16, WALKS / 4, WALKS];
     let mut escapes = walk(0..rounds[0], None);
     let mut windows = Windows::new(grid.clone(), &mut escapes, &visits);
     for round in rounds.windows(2) {
@@ -297,23 +281,5 @@ impl Walks<'_> {
             ray = leave(direction);
             from = leaves;
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// In proportion to the samples, within bounds, and no more than a time limit leaves time for.
-    #[test]
-    fn walks_follow_the_samples() {
-        assert_eq!(walks(0, None), FEWEST);
-        assert_eq!(walks(320 * 180 * 16, None), 28_672);
-        assert_eq!(walks(320 * 180 * 64, None), 115_200);
-        assert_eq!(walks(u64::MAX, None), MOST);
-        assert_eq!(walks(u64::MAX, Some(Duration::from_secs(1))), 1 << 14);
-        assert_eq!(walks(u64::MAX, Some(Duration::ZERO)), FEWEST);
-        assert_eq!(walks(u64::MAX, Some(Duration::MAX)), MOST);
-        assert_eq!(walks(320 * 180 * 16, Some(Duration::from_secs(100))), 28_672);
     }
 }

@@ -103,7 +103,8 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Fail> {
     let Some(per_path) = seconds(&run.path_seconds, drift(profile.as_ref()), length) else {
         return Err(Fail::new(FAILED, "the pilots took no time; raise --pilot"));
     };
-    let idle = f64::from(plan.waves) * run.idle_per_wave;
+    // Learning does not depend on the number of samples.
+    let idle = f64::from(plan.waves) * run.idle_per_wave + run.last.learning_seconds;
     let render = per_path.scaled(paths as f64 / threads as f64).plus(idle);
     let output = output_seconds(
         args,
@@ -277,7 +278,7 @@ fn idle_seconds(rendered: &Rendered, settings: &Settings) -> f64 {
         return 0.0;
     }
     let clocked: f64 = rendered.frame.costs().map(|pixel| pixel.time_ns as f64 * 1e-9).sum();
-    (rendered.seconds - clocked / threads).max(0.0)
+    (rendered.seconds - rendered.learning_seconds - clocked / threads).max(0.0)
 }
 
 /// What reading the clock takes: the least of a few tries.
