@@ -42,8 +42,11 @@ const PER_BIN: f32 = BINS as f32 * 0.25 * FRAC_1_PI;
 const DEFENSIVE: f32 = 0.05;
 /// So many escapes are worth as much as knowing nothing.
 const TRUST: f32 = 4.0;
-/// So many more where nothing hides the environment.
+/// So many more where it is wide open.
 const TRUST_OPEN: f32 = 128.0;
+/// Share of the cosine-weighted hemisphere from which on a view is wide open: then all goes by the cosine, since surfaces of one cell
+/// differ in their normals, and their cosines matter more than what little is hidden.
+const WIDE_OPEN: f32 = 0.5;
 /// No distribution.
 pub(super) const NOWHERE: u16 = u16::MAX;
 // All views of a grid have a number, all cells a code.
@@ -200,9 +203,10 @@ impl View {
             rows[row] = weights.iter().sum();
             columns[row] = Steps::new(weights);
         }
-        // Where all is open the cosine is the best that there is, and bins only approach it; the more of them are seen, the
+        // Where nothing is hidden the cosine is the best that there is, and bins only approach it; the more of them are seen, the
         // more escapes it takes.
-        let open = known.open * known.open;
+        let open = (known.open / WIDE_OPEN).min(1.0);
+        let open = open * open;
         let trust = TRUST + TRUST_OPEN * open;
         let unknown = DEFENSIVE + (1.0 - DEFENSIVE) * trust / (trust + known.escapes);
         Self { rows: Steps::new(&rows), cosine: unknown.max(open), columns }
@@ -455,8 +459,9 @@ mod tests {
         assert!(share(1, 1000) > share(10, 1000) && share(10, 1000) > share(1000, 100_000));
         assert!(share(1000, 1_000_000) < 1.5 * DEFENSIVE);
         assert_eq!(share(1000, 500), 1.0);
-        // Half open: more than that alone makes it, since a hundred escapes do not fill so many bins.
-        assert!(share(100, 100) > 0.29 && share(100, 100) < 0.31 && share(10_000, 10_000) == 0.25);
+        assert_eq!(share(10_000, 10_000), 1.0);
+        // Half as wide: more than that alone makes it, since a hundred escapes do not fill so many bins.
+        assert!(share(100, 200) > 0.29 && share(100, 200) < 0.31 && share(10_000, 20_000) == 0.25);
         // Next to no weight, and none that has a number.
         for weight in [0.0, 1e-45, f32::MIN_POSITIVE] {
             let own = [Escape { code: here as u32, weight }];
