@@ -28,6 +28,9 @@ const BATCH: u32 = 8;
 const SAMPLES: u32 = 16;
 /// Share of the frame's mean at which a pixel's error begins to count in relation to that instead of to its own.
 const FLOOR: f64 = 0.3;
+/// From one of the pixels to the next, along the edges of the frame: Roberts' R2 sequence, the reciprocals of the plastic number and of its
+/// square. (Equal steps from pixel to pixel, row after row, could all be in one column.)
+const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 /// A seed of its own: the render is independent of what its roulette was learned from, and the gain is the same for all its seeds, so
 /// that renders of several seeds are of one kind.
 const SEED: u64 = 0x0b5e_55ed_6a1b_1e5f;
@@ -66,13 +69,12 @@ impl Pilot<'_> {
             .collect();
         parts.concat()
     }
+}
 
-    /// Evenly over the frame, row by row.
-    fn pixel(&self, number: u32) -> (u32, u32) {
-        let (width, height) = (u64::from(self.size.0), u64::from(self.size.1));
-        let index = (2 * u64::from(number) + 1) * (width * height) / (2 * u64::from(PIXELS));
-        ((index % width) as u32, (index / width) as u32)
-    }
+/// Pixel `number` of the pilot's in a frame of this size, evenly over it.
+fn pixel(number: u32, (width, height): (u32, u32)) -> (u32, u32) {
+    let at = |step: f64, edge: u32| ((0.5 + step * f64::from(number)).fract() * f64::from(edge)) as u32;
+    (at(STEPS[0], width), at(STEPS[1], height))
 }
 
 struct Job<'a> {
@@ -92,7 +94,7 @@ impl WithSimd for Job<'_> {
                 let Self { pilot, numbers, round } = self;
                 let mut listener = Listener::new(pilot.path.max_depth);
                 let mut pixels = Vec::new();
-                for (x, y) in numbers.map(|number| pilot.pixel(number)) {
+                for (x, y) in numbers.map(|number| pixel(number, pilot.size)) {
                     let mut sums = PixelSums::default();
                     let mut found = [0.0; 2];
                     for (half, found) in found.iter_mut().enumerate() {
@@ -296,6 +298,27 @@ mod tests {
         let mut halves = PixelSums { mean: 0.0, variance: 0.0, ..pixel };
         halves.end([1.0, 2.0]);
         assert_eq!((halves.mean, halves.variance), (3.0, 0.5 * 4.0 * 4.0));
+    }
+
+    /// In whatever frame: no column or row of an eighth of it without pixels, none with more than twice its share.
+    #[test]
+    fn pixels_lie_all_over_the_frame() {
+        for size in [(256, 256), (320, 180), (1920, 1080), (300, 200), (8, 8), (1, 1), (1, 999)] {
+            let pixels: Vec<(u32, u32)> = (0..PIXELS).map(|number| pixel(number, size)).collect();
+            assert!(pixels.iter().all(|(x, y)| *x < size.0 && *y < size.1));
+            for (of, edge) in [
+                (pixels.iter().map(|p| p.0).collect::<Vec<_>>(), size.0),
+                (pixels.iter().map(|p| p.1).collect(), size.1),
+            ] {
+                for part in (0..8).filter(|_| edge >= 8) {
+                    let inside = of.iter().filter(|x| **x * 8 / edge == part).count() as u32;
+                    assert!(
+                        inside >= PIXELS / 16 && inside <= PIXELS / 4,
+                        "{size:?}: {inside} in part {part}"
+                    );
+                }
+            }
+        }
     }
 
     /// Variance times rays is at the gain that was found within 15 % of the least that any gain has, and gains far from it are
