@@ -313,7 +313,7 @@ mod tests {
                 for part in (0..8).filter(|_| edge >= 8) {
                     let inside = of.iter().filter(|x| **x * 8 / edge == part).count() as u32;
                     assert!(
-                        inside >= PIXELS / 16 && inside <= PIXELS / 4,
+                        (PIXELS / 16..=PIXELS / 4).contains(&inside),
                         "{size:?}: {inside} in part {part}"
                     );
                 }
