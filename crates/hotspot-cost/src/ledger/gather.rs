@@ -494,15 +494,17 @@ mod tests {
             }
             ray.finish(true);
         }
-        // Into sums that are as good as full: as much again.
+        // Into sums that are as good as full: as much again, twice, which no pair could hold.
         path.visit.state.count_sums();
         path.visit.state.sums[0] = [full; PAIRS];
-        let mut ray = path.ray(Spawner::CAMERA);
-        for _ in 0..Pair::FULL {
-            ray.node(0, 5);
+        for _ in 0..2 {
+            let mut ray = path.ray(Spawner::CAMERA);
+            for _ in 0..Pair::FULL {
+                ray.node(0, 5);
+            }
+            nodes += Pair::FULL;
+            ray.finish(false);
         }
-        nodes += Pair::FULL;
-        ray.finish(false);
         path.end(PathEnd { cause: Cause::Escaped, throughput: 1.0, brought_radiance: true, first_object: 0 });
         drop(visit);
         let all = frame.cost_total(0, 0);
