@@ -3,7 +3,8 @@
 //! Unidirectional path tracing with one light sample at each non-specular vertex; multiple importance sampling (power
 //! heuristic) between light and BSDF sampling. The BSDF half reuses the continuation ray, so a vertex casts two rays, not
 //! three as in pbrt-v3. Roulette follows pbrt-v3 (Pharr, Jakob, Humphreys, *Physically Based Rendering*, 3rd edition,
-//! section 14.5.4) or goes for efficiency ([`roulette`](crate::roulette)). Shading happens in the shading frame, turned to the side of the path; emitters use geometric normals.
+//! section 14.5.4) or goes for efficiency ([`roulette`](crate::roulette)). Shading happens in the shading frame, turned to the
+//! side of the path; emitters use geometric normals.
 
 use crate::bsdf::Bsdf;
 use crate::cast::{closest_hit, occluded};

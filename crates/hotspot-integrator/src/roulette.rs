@@ -34,13 +34,6 @@ pub enum Roulette {
     Efficient,
 }
 
-impl Default for Roulette {
-    /// pbrt-v3's: from the fifth vertex.
-    fn default() -> Self {
-        Self::From(4)
-    }
-}
-
 /// What the path loop needs to know.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Survival {
