@@ -16,7 +16,8 @@ use crate::simd::{F8, Simd};
 use crate::stack::Stack;
 use crate::traverse::{Best, Pending, closest, ordered};
 use crate::triangle::{
-    Block, FAR_PAD, NO_PRIMITIVE, RayFrame, decide, details, edge_test, permuted, sheared,
+    Axis, Block, FAR_PAD, NO_PRIMITIVE, RayFrame, decide, details, edge_test, longest_axis, permuted,
+    reciprocal_far, sheared,
 };
 use hotspot_probe::NoProbe;
 
@@ -34,27 +35,20 @@ const GROUPS: usize = PACKET / LANES;
 #[inline(always)]
 pub(crate) fn closest_of_packet<S: Simd>(s: S, bvh: &Bvh, rays: &[Ray], hits: &mut [Option<Hit>]) {
     assert!(rays.len() == hits.len() && rays.len() <= PACKET, "a packet holds at most {PACKET} rays");
-    let mut one_by_one = || {
+    let packet = if rays.len() < FEWEST || bvh.root == Child::EMPTY { None } else { Packet::of(rays) };
+    let Some(mut packet) = packet else {
         for (ray, hit) in rays.iter().zip(hits.iter_mut()) {
             *hit = alone(s, bvh, ray);
         }
+        return;
     };
-    // Before the packet, which is large, is made.
-    if rays.len() < FEWEST || bvh.root == Child::EMPTY {
-        return one_by_one();
-    }
-    let mut packet = Packet::of(&rays[0]);
-    if !packet.take(rays) {
-        return one_by_one();
-    }
     packet.find(s, bvh);
-    for (index, hit) in hits.iter_mut().enumerate() {
-        let best = packet.best[index];
+    for ((ray, best), hit) in rays.iter().zip(&packet.best).zip(hits) {
         *hit = best.found.then(
             #[inline(always)]
             || {
                 let triangle = bvh.blocks[best.block].triangle(best.lane);
-                let (u, v, normal) = details(&packet.frames[index], &triangle);
+                let (u, v, normal) = details(&RayFrame::new(ray), &triangle);
                 Hit { t: best.t, u, v, primitive: best.primitive, instance: NO_INSTANCE, normal }
             },
         );
@@ -70,99 +64,121 @@ fn alone<S: Simd>(s: S, bvh: &Bvh, ray: &Ray) -> Option<Hit> {
     )
 }
 
-/// Eight rays in lanes: what [`sheared`] and the slab test of a triangle's box need.
+/// Eight rays in lanes: what the slab tests and [`sheared`] need. Lanes that are left over hold the last ray.
 #[derive(Clone, Copy)]
 struct Lanes {
     origin: [F8; 3],
     inverse: [F8; 3],
+    inverse_far: [F8; 3],
+    /// In the rays' order of axes.
     origin_k: [F8; 3],
     shear: [F8; 2],
-    /// The best distance of each so far, or its end.
+    t_min: F8,
+    /// The best distance of each so far, or its end; 0 in lanes that are left over.
     best: F8,
     /// Lanes in use.
     used: u32,
 }
 
 /// Rays that agree in the signs of their directions and in the axis of the largest component.
-struct Packet {
-    frames: [RayFrame; PACKET],
+struct Packet<'r> {
+    rays: &'r [Ray],
+    down: [bool; 3],
+    k: [Axis; 3],
     lanes: [Lanes; GROUPS],
     best: [Best; PACKET],
-    count: usize,
 }
 
-impl Packet {
-    /// One ray, in all places.
+impl<'r> Packet<'r> {
+    /// `None` where the rays do not agree, or one has no finite reciprocals (0 · ∞ would tell nothing of the others).
     #[inline(always)]
-    fn of(ray: &Ray) -> Self {
-        let frame = RayFrame::new(ray);
-        Self {
-            frames: [frame; PACKET],
-            lanes: [Lanes::of(&frame); GROUPS],
-            best: [Best::none(ray.t_max); PACKET],
-            count: 1,
+    fn of(rays: &'r [Ray]) -> Option<Self> {
+        let first = RayFrame::new(&rays[0]);
+        let (here, there) = rays.split_at(rays.len().min(LANES));
+        let (a, agree) = Lanes::of(here, &first);
+        let (b, agree_too) = if there.is_empty() {
+            (Lanes { used: 0, best: F8([0.0; LANES]), ..a }, true)
+        } else {
+            Lanes::of(there, &first)
+        };
+        let mut best = [Best::none(0.0); PACKET];
+        for (best, ray) in best.iter_mut().zip(rays) {
+            best.t = ray.t_max;
         }
-    }
-
-    /// Fills the places; false where the rays do not agree, or one has no finite reciprocals (0 · ∞ would tell nothing of
-    /// the others). In place, since it is too large to be moved for nothing.
-    #[inline(always)]
-    fn take(&mut self, rays: &[Ray]) -> bool {
-        let (down, k) = (self.frames[0].down, self.frames[0].k);
-        let mut agree = true;
-        for (index, ray) in rays.iter().enumerate() {
-            let frame = &mut self.frames[index];
-            *frame = RayFrame::new(ray);
-            let [x, y, z] = frame.inverse_far;
-            // The sum of finite numbers may be infinite; zero times one may not.
-            agree &= ray.t_min >= 0.0
-                && ray.is_finite()
-                && 0.0 * x + 0.0 * y + 0.0 * z == 0.0
-                && frame.down == down
-                && frame.k == k;
-            self.lanes[index / LANES].set(index % LANES, frame);
-            self.best[index] = Best::none(ray.t_max);
-        }
-        self.count = rays.len();
-        agree
+        (agree && agree_too).then_some(Self { rays, down: first.down, k: first.k, lanes: [a, b], best })
     }
 }
 
 impl Lanes {
-    /// One ray in all lanes, none of them in use.
+    /// Of 1 to 8 rays, and whether all agree with the first of the packet. Loops over lanes that are as simple as can be, so that
+    /// the compiler makes vectors of them.
     #[inline(always)]
-    fn of(frame: &RayFrame) -> Self {
-        let [o, i, k] = [frame.ray.origin, frame.inverse, frame.origin_k];
-        let lanes = |value: f32| F8([value; LANES]);
-        Self {
-            origin: [lanes(o[0]), lanes(o[1]), lanes(o[2])],
-            inverse: [lanes(i[0]), lanes(i[1]), lanes(i[2])],
-            origin_k: [lanes(k[0]), lanes(k[1]), lanes(k[2])],
-            shear: [lanes(frame.shear[0]), lanes(frame.shear[1])],
-            best: lanes(frame.ray.t_max),
-            used: 0,
+    fn of(rays: &[Ray], first: &RayFrame) -> (Self, bool) {
+        let zero = F8([0.0; LANES]);
+        let (mut origin, mut direction, mut t_min, mut best) = ([zero; 3], [zero; 3], zero, zero);
+        for lane in 0..LANES {
+            let ray = &rays[lane.min(rays.len() - 1)];
+            for axis in 0..3 {
+                origin[axis].0[lane] = ray.origin[axis];
+                direction[axis].0[lane] = ray.direction[axis];
+            }
+            t_min.0[lane] = ray.t_min;
+            best.0[lane] = if lane < rays.len() { ray.t_max } else { 0.0 };
         }
-    }
-
-    #[inline(always)]
-    fn set(&mut self, lane: usize, frame: &RayFrame) {
+        let (mut inverse, mut inverse_far) = ([zero; 3], [zero; 3]);
+        // 0 where everything is finite. The sum of finite numbers may be infinite; zero times one may not.
+        let mut odd = zero;
+        // The top bit where a ray runs another way.
+        let mut turned = [0u32; LANES];
         for axis in 0..3 {
-            self.origin[axis].0[lane] = frame.ray.origin[axis];
-            self.inverse[axis].0[lane] = frame.inverse[axis];
-            self.origin_k[axis].0[lane] = frame.origin_k[axis];
+            let sign = u32::from(first.down[axis]) << 31;
+            for lane in 0..LANES {
+                let d = direction[axis].0[lane];
+                inverse[axis].0[lane] = 1.0 / d;
+                inverse_far[axis].0[lane] = reciprocal_far(inverse[axis].0[lane]);
+                odd.0[lane] += 0.0 * origin[axis].0[lane] + 0.0 * d + 0.0 * inverse_far[axis].0[lane];
+                turned[lane] |= d.to_bits() ^ sign;
+            }
         }
-        self.shear[0].0[lane] = frame.shear[0];
-        self.shear[1].0[lane] = frame.shear[1];
-        self.best.0[lane] = frame.ray.t_max;
-        self.used |= 1 << lane;
+        let last = first.k[2] as usize;
+        let [x, y, z] = &direction;
+        let mut disagree = false;
+        for lane in 0..LANES {
+            disagree |= longest_axis([x.0[lane], y.0[lane], z.0[lane]]) != last;
+            disagree |= odd.0[lane] != 0.0;
+            disagree |= turned[lane] >> 31 != 0;
+            // Neither is what is no number.
+            disagree |= !(t_min.0[lane] >= 0.0);
+        }
+        let [x, y, z] = first.k.map(|axis| direction[axis as usize]);
+        let mut shear = [zero; 2];
+        for lane in 0..LANES {
+            shear[0].0[lane] = x.0[lane] / z.0[lane];
+            shear[1].0[lane] = y.0[lane] / z.0[lane];
+        }
+        let origin_k = first.k.map(|axis| origin[axis as usize]);
+        let used = (1 << rays.len()) - 1;
+        (Self { origin, inverse, inverse_far, origin_k, shear, t_min, best, used }, !disagree)
     }
 }
 
-/// Makes an interval hold a value.
+/// The least and the greatest of the numbers of all lanes, a tree of comparisons.
 #[inline(always)]
-fn widen(low: &mut f32, high: &mut f32, value: f32) {
-    *low = if value < *low { value } else { *low };
-    *high = if value > *high { value } else { *high };
+fn extremes(numbers: [&F8; GROUPS]) -> (f32, f32) {
+    let less = |a: f32, b: f32| if a < b { a } else { b };
+    let more = |a: f32, b: f32| if a > b { a } else { b };
+    let (mut low, mut high) = ([0.0; LANES], [0.0; LANES]);
+    for lane in 0..LANES {
+        low[lane] = less(numbers[0].0[lane], numbers[1].0[lane]);
+        high[lane] = more(numbers[0].0[lane], numbers[1].0[lane]);
+    }
+    for half in [4, 2, 1] {
+        for lane in 0..half {
+            low[lane] = less(low[lane], low[lane + half]);
+            high[lane] = more(high[lane], high[lane + half]);
+        }
+    }
+    (low[0], high[0])
 }
 
 /// The interval that encloses the slab tests of all rays, in registers.
@@ -179,29 +195,25 @@ struct Beam<S: Simd> {
 
 impl<S: Simd> Beam<S> {
     #[inline(always)]
-    fn new(s: S, frames: &[RayFrame]) -> Self {
-        let (mut low, mut high) = (frames[0], frames[0]);
-        for frame in &frames[1..] {
-            for axis in 0..3 {
-                widen(&mut low.ray.origin[axis], &mut high.ray.origin[axis], frame.ray.origin[axis]);
-                widen(&mut low.inverse[axis], &mut high.inverse[axis], frame.inverse[axis]);
-                widen(&mut low.inverse_far[axis], &mut high.inverse_far[axis], frame.inverse_far[axis]);
-            }
-            widen(&mut low.ray.t_min, &mut high.ray.t_min, frame.ray.t_min);
-        }
+    fn new(s: S, packet: &Packet<'_>) -> Self {
+        let [a, b] = &packet.lanes;
+        let ends = |a: &F8, b: &F8| {
+            let (low, high) = extremes([a, b]);
+            [s.splat(low), s.splat(high)]
+        };
         let mut beam = Self {
             origin: [[s.splat(0.0); 2]; 3],
             inverse: [[s.splat(0.0); 2]; 3],
             inverse_far: [[s.splat(0.0); 2]; 3],
-            down: low.down,
-            t_min: s.splat(low.ray.t_min + 0.0),
+            down: packet.down,
+            t_min: s.splat(extremes([&a.t_min, &b.t_min]).0 + 0.0),
         };
         for axis in 0..3 {
             // The nearest a near side can be: from the greatest origin for rays that run up, from the least for others.
-            let origin = [s.splat(low.ray.origin[axis]), s.splat(high.ray.origin[axis])];
-            beam.origin[axis] = if low.down[axis] { origin } else { [origin[1], origin[0]] };
-            beam.inverse[axis] = [s.splat(low.inverse[axis]), s.splat(high.inverse[axis])];
-            beam.inverse_far[axis] = [s.splat(low.inverse_far[axis]), s.splat(high.inverse_far[axis])];
+            let [low, high] = ends(&a.origin[axis], &b.origin[axis]);
+            beam.origin[axis] = if packet.down[axis] { [low, high] } else { [high, low] };
+            beam.inverse[axis] = ends(&a.inverse[axis], &b.inverse[axis]);
+            beam.inverse_far[axis] = ends(&a.inverse_far[axis], &b.inverse_far[axis]);
         }
         beam
     }
@@ -225,17 +237,16 @@ impl<S: Simd> Beam<S> {
     }
 }
 
-impl Packet {
+impl Packet<'_> {
     /// The farthest distance at which any ray still looks for a hit.
     #[inline(always)]
     fn limit(&self) -> f32 {
-        let best = self.best[..self.count].iter();
-        best.fold(0.0, |limit, best| if best.t > limit { best.t } else { limit })
+        extremes([&self.lanes[0].best, &self.lanes[1].best]).1
     }
 
     #[inline(always)]
     fn find<S: Simd>(&mut self, s: S, bvh: &Bvh) {
-        let beam = Beam::new(s, &self.frames[..self.count]);
+        let beam = Beam::new(s, self);
         let mut limit = self.limit();
         let mut stack: Stack<Pending> = Stack::new();
         let mut current = bvh.root;
@@ -301,7 +312,7 @@ impl Packet {
             }
             let triangle = block.triangle(lane);
             for group in 0..GROUPS {
-                if group * LANES >= self.count {
+                if group * LANES >= self.rays.len() {
                     break;
                 }
                 let Some((mut hit, inside, enter, leave)) = self.candidates(s, group, &triangle) else {
@@ -314,7 +325,8 @@ impl Packet {
                     let best = &mut self.best[ray];
                     let interval = (enter.0[place], leave.0[place]);
                     let surely = inside >> place & 1 != 0;
-                    if let Some(t) = decide(&self.frames[ray], &triangle, interval, surely, best.t)
+                    if let Some(t) =
+                        decide(&RayFrame::new(&self.rays[ray]), &triangle, interval, surely, best.t)
                         && (t < best.t || primitive < best.primitive)
                     {
                         *best = Best { t, primitive, instance: NO_INSTANCE, block: index, lane, found: true };
@@ -337,7 +349,7 @@ impl Packet {
         triangle: &[[f32; 3]; 3],
     ) -> Option<(u32, u32, F8, F8)> {
         let lanes = &self.lanes[group];
-        let k = self.frames[0].k;
+        let k = self.k;
         let origin_k = [s.load(&lanes.origin_k[0]), s.load(&lanes.origin_k[1]), s.load(&lanes.origin_k[2])];
         let shear = [s.load(&lanes.shear[0]), s.load(&lanes.shear[1])];
         let [a, b, c] = triangle;
@@ -357,7 +369,7 @@ impl Packet {
         for axis in 0..3 {
             let low = s.splat(a[axis].min(b[axis]).min(c[axis]));
             let high = s.splat(a[axis].max(b[axis]).max(c[axis]));
-            let (near, far) = if self.frames[0].down[axis] { (high, low) } else { (low, high) };
+            let (near, far) = if self.down[axis] { (high, low) } else { (low, high) };
             let origin = s.load(&lanes.origin[axis]);
             let inverse = s.load(&lanes.inverse[axis]);
             enter = s.max(s.mul(s.sub(near, origin), inverse), enter);
@@ -463,7 +475,7 @@ mod tests {
                         found += u32::from(hit.is_some());
                     }
                     packets += 1;
-                    together += u32::from(rays.len() >= FEWEST && Packet::of(&rays[0]).take(&rays));
+                    together += u32::from(rays.len() >= FEWEST && Packet::of(&rays).is_some());
                 }
             }
         }

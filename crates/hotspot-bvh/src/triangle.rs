@@ -85,18 +85,14 @@ impl RayFrame {
     #[inline(always)]
     pub(crate) fn new(ray: &Ray) -> Self {
         let (o, d) = (ray.origin, ray.direction);
-        let (ax, ay, az) = (d[0].abs(), d[1].abs(), d[2].abs());
-        // Either cyclic order does: the sign of all three edge functions flips together. Chosen without branches, which
-        // no predictor could follow.
-        let (y_wins, xy) = (ax <= ay, if ax > ay { ax } else { ay });
-        let k = CYCLES[select_unpredictable(xy > az, usize::from(y_wins), 2) & 3];
+        // Either cyclic order does: the sign of all three edge functions flips together.
+        let k = CYCLES[longest_axis(d) & 3];
         let direction_k = permuted(&d, k);
         let inverse = [1.0 / d[0], 1.0 / d[1], 1.0 / d[2]];
-        let far = |r: f32| r * FAR_SCALE + FAR_QUANTA.copysign(r);
         Self {
             ray: *ray,
             inverse,
-            inverse_far: [far(inverse[0]), far(inverse[1]), far(inverse[2])],
+            inverse_far: [reciprocal_far(inverse[0]), reciprocal_far(inverse[1]), reciprocal_far(inverse[2])],
             down: [d[0].is_sign_negative(), d[1].is_sign_negative(), d[2].is_sign_negative()],
             k,
             origin_k: permuted(&o, k),
@@ -104,6 +100,20 @@ impl RayFrame {
             shear: [direction_k[0] / direction_k[2], direction_k[1] / direction_k[2]],
         }
     }
+}
+
+/// The reciprocal for the far sides of boxes ([`FAR_SCALE`]).
+#[inline(always)]
+pub(crate) fn reciprocal_far(r: f32) -> f32 {
+    r * FAR_SCALE + FAR_QUANTA.copysign(r)
+}
+
+/// Index of a direction's largest component, a later one where they are equal. Without branches, which no predictor could follow.
+#[inline(always)]
+pub(crate) fn longest_axis(d: [f32; 3]) -> usize {
+    let (ax, ay, az) = (d[0].abs(), d[1].abs(), d[2].abs());
+    let (y_wins, xy) = (ax <= ay, if ax > ay { ax } else { ay });
+    select_unpredictable(xy > az, usize::from(y_wins), 2)
 }
 
 /// A vertex in a ray's order of axes.

@@ -3,6 +3,7 @@
 //! Only IEEE operations and square roots are used, in a fixed order and without contraction, so results do not depend on
 //! the processor or the platform's libm.
 
+use core::hint::select_unpredictable;
 use glam::{Vec2, Vec3};
 
 /// 1/π.
@@ -62,16 +63,15 @@ pub(crate) fn atan2_turns(y: f32, x: f32) -> f32 {
 pub(crate) fn square_to_disk(u: Vec2) -> Vec2 {
     let a = 2.0 * u.x - 1.0;
     let b = 2.0 * u.y - 1.0;
-    if a == 0.0 && b == 0.0 {
+    // Which of the two is longer, no predictor knows.
+    let wide = a.abs() > b.abs();
+    let (radius, other) = (select_unpredictable(wide, a, b), select_unpredictable(wide, b, a));
+    if radius == 0.0 {
         return Vec2::ZERO;
     }
-    if a.abs() > b.abs() {
-        let (s, c) = sin_cos_eighth(core::f32::consts::FRAC_PI_4 * (b / a));
-        Vec2::new(a * c, a * s)
-    } else {
-        let (s, c) = sin_cos_eighth(core::f32::consts::FRAC_PI_4 * (a / b));
-        Vec2::new(b * s, b * c)
-    }
+    let (s, c) = sin_cos_eighth(core::f32::consts::FRAC_PI_4 * (other / radius));
+    let (along, across) = (radius * c, radius * s);
+    Vec2::new(select_unpredictable(wide, along, across), select_unpredictable(wide, across, along))
 }
 
 /// A direction of the upper hemisphere with pdf cos θ / π.
@@ -85,15 +85,9 @@ pub(crate) fn square_to_cosine_hemisphere(u: Vec2) -> Vec3 {
 /// Map Between Triangle and Square* (2019).
 #[inline(always)]
 pub(crate) fn square_to_triangle(u: Vec2) -> (f32, f32) {
-    let (mut x, mut y) = (u.x, u.y);
-    if y > x {
-        x *= 0.5;
-        y -= x;
-    } else {
-        y *= 0.5;
-        x -= y;
-    }
-    (x, y)
+    let above = u.y > u.x;
+    let half = 0.5 * select_unpredictable(above, u.x, u.y);
+    (select_unpredictable(above, half, u.x - half), select_unpredictable(above, u.y - half, half))
 }
 
 /// An orthonormal frame around a unit normal: Duff et al., *Building an Orthonormal Basis, Revisited* (JCGT 2017).

@@ -19,6 +19,7 @@
 use super::triangles::{LightTriangle, area};
 use crate::geometry::Geometry;
 use crate::math::square_to_triangle;
+use core::hint::select_unpredictable;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
 
@@ -44,7 +45,8 @@ pub(super) struct Strip {
 /// One triangle, or two.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
-    /// Given its strip.
+    /// Given its strip: that of all patches before it in the strip, and its own.
+    cumulative: f32,
     probability: f32,
     halves: [Half; 2],
     pair: bool,
@@ -74,8 +76,6 @@ pub(super) struct Place {
 pub(super) struct Patches {
     strips: Vec<Strip>,
     patches: Vec<Patch>,
-    /// Of each patch: probability of all before it in its strip, given the strip.
-    cumulative: Vec<f32>,
     /// For each of as many equal intervals of [0, 1) as a strip has patches, beside these: its last patch that begins before.
     guide: Vec<u32>,
 }
@@ -95,19 +95,16 @@ impl Patches {
             let patches = &mut this.patches[strip.first as usize..][..strip.count as usize];
             let total: f64 = patches.iter().map(|patch| patch.power(lights)).sum();
             let mut within = 0.0;
-            let start = this.cumulative.len();
             for patch in patches.iter_mut() {
                 let probability = patch.power(lights) / total;
-                this.cumulative.push(within as f32);
-                patch.probability = probability as f32;
+                (patch.cumulative, patch.probability) = (within as f32, probability as f32);
                 within += probability;
             }
-            let cumulative = &this.cumulative[start..];
             let mut last = 0;
             for interval in 0..patches.len() {
                 // The number may round up into the interval.
                 let begin = interval as f32 / patches.len() as f32 * (1.0 - 4.0 * f32::EPSILON);
-                while last + 1 < patches.len() && cumulative[last + 1] <= begin {
+                while last + 1 < patches.len() && patches[last + 1].cumulative <= begin {
                     last += 1;
                 }
                 this.guide.push(last as u32);
@@ -138,10 +135,7 @@ impl Patches {
     }
 
     pub(super) fn memory(&self) -> u64 {
-        (size_of_val(&self.strips[..])
-            + size_of_val(&self.patches[..])
-            + size_of_val(&self.cumulative[..])
-            + size_of_val(&self.guide[..])) as u64
+        (size_of_val(&self.strips[..]) + size_of_val(&self.patches[..]) + size_of_val(&self.guide[..])) as u64
     }
 
     /// A place of strip `index`, which `select` chose; `v`: the second number.
@@ -154,13 +148,13 @@ impl Patches {
         if count == 1 {
             return self.patches[first].place(x, v);
         }
-        let cumulative = &self.cumulative[first..][..count];
+        let patches = &self.patches[first..][..count];
         let mut chosen = self.guide[first..][..count][((v * count as f32) as usize).min(count - 1)] as usize;
-        while chosen + 1 < count && cumulative[chosen + 1] <= v {
+        while chosen + 1 < count && patches[chosen + 1].cumulative <= v {
             chosen += 1;
         }
-        let patch = &self.patches[first + chosen];
-        let y = ((v - cumulative[chosen]) / patch.probability).clamp(0.0, BELOW_ONE);
+        let patch = &patches[chosen];
+        let y = ((v - patch.cumulative) / patch.probability).clamp(0.0, BELOW_ONE);
         patch.place(x, y)
     }
 
@@ -233,11 +227,15 @@ impl Patch {
             };
         }
         // Weights of the corner off the diagonal, and of its ends at (1, 0) and (0, 1).
-        let (half, weights) = if x + y < 1.0 {
-            (&self.halves[0], [1.0 - x - y, x, y, 0.0])
-        } else {
-            (&self.halves[1], [(x - (1.0 - y)).max(0.0), 1.0 - y, 1.0 - x, 0.0])
-        };
+        let first = x + y < 1.0;
+        // Without a branch: which of the two it is, no predictor knows.
+        let weights = [
+            select_unpredictable(first, 1.0 - x - y, (x - (1.0 - y)).max(0.0)),
+            select_unpredictable(first, x, 1.0 - y),
+            select_unpredictable(first, y, 1.0 - x),
+            0.0,
+        ];
+        let half = &self.halves[usize::from(!first)];
         let [b, c] = half.weights.map(|i| weights[usize::from(i & 3)]);
         Place { triangle: half.triangle, weights: (b, c) }
     }
@@ -288,7 +286,7 @@ fn pairs(lights: &[LightTriangle], geometry: &Geometry, range: core::ops::Range<
             Some([first, second]) => Some(Patch::of_two(triangle, first, second)),
             None => {
                 let half = Half { triangle: i, weights: [1, 2] };
-                Some(Patch { probability: 0.0, halves: [half; 2], pair: false })
+                Some(Patch { cumulative: 0.0, probability: 0.0, halves: [half; 2], pair: false })
             }
         })
         .collect()
@@ -311,7 +309,7 @@ impl Patch {
             };
             Half { triangle: i, weights: [weight(1), weight(2)] }
         };
-        Self { probability: 0.0, halves: [half(first), half(second)], pair: true }
+        Self { cumulative: 0.0, probability: 0.0, halves: [half(first), half(second)], pair: true }
     }
 }
 
