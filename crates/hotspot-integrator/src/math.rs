@@ -26,12 +26,10 @@ fn sin_cos_eighth(x: f32) -> (f32, f32) {
 pub(crate) fn sin_cos_turn(u: f32) -> (f32, f32) {
     let quarter = (u * 4.0 + 0.5) as u32;
     let (s, c) = sin_cos_eighth((u * 4.0 - quarter as f32) * core::f32::consts::FRAC_PI_2);
-    match quarter & 3 {
-        0 => (s, c),
-        1 => (c, -s),
-        2 => (-s, -c),
-        _ => (-c, s),
-    }
+    // Odd quarters exchange the two; which quarter it is, no predictor knows.
+    let odd = quarter & 1 != 0;
+    let negated = |x: f32, when: u32| f32::from_bits(x.to_bits() ^ (when & 2) << 30);
+    (negated(select_unpredictable(odd, c, s), quarter), negated(select_unpredictable(odd, s, c), quarter + 1))
 }
 
 /// The angle of (x, y) with the x axis in turns, in [−½, ½]; 0 at the origin. As [`f32::atan2`] otherwise, but for the sign
@@ -40,20 +38,18 @@ pub(crate) fn sin_cos_turn(u: f32) -> (f32, f32) {
 #[inline(always)]
 pub(crate) fn atan2_turns(y: f32, x: f32) -> f32 {
     let (ax, ay) = (x.abs(), y.abs());
-    let (long, short) = if ay > ax { (ay, ax) } else { (ax, ay) };
+    let (long, short) = (select_unpredictable(ay > ax, ay, ax), select_unpredictable(ay > ax, ax, ay));
     // Above π/8 from the difference with π/4.
     let steep = short > 0.414_213_56 * long;
-    let t = if steep { (short - long) / (short + long) } else { short / long.max(f32::MIN_POSITIVE) };
+    let above = select_unpredictable(steep, short - long, short);
+    let below = select_unpredictable(steep, short + long, long.max(f32::MIN_POSITIVE));
+    let t = above / below;
     let t2 = t * t;
     let p = 0.159_154_94
         + t2 * (-0.053_050_776 + t2 * (0.031_789_74 + t2 * (-0.022_040_557 + t2 * 0.012_694_663)));
-    let mut turns = t * p + if steep { 0.125 } else { 0.0 };
-    if ay > ax {
-        turns = 0.25 - turns;
-    }
-    if x < 0.0 {
-        turns = 0.5 - turns;
-    }
+    let mut turns = t * p + select_unpredictable(steep, 0.125, 0.0);
+    turns = select_unpredictable(ay > ax, 0.25 - turns, turns);
+    turns = select_unpredictable(x < 0.0, 0.5 - turns, turns);
     turns.copysign(y)
 }
 

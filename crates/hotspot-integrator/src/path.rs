@@ -11,7 +11,7 @@ use crate::cast::{closest_hit, occluded};
 use crate::class::{Class, Feature, has};
 use crate::cutout::presence;
 use crate::geometry::{Attributes, Part, SurfacePoint};
-use crate::light::{Learned, LightTarget, Viewpoint, area_to_solid_angle, ray_to_position};
+use crate::light::{Learned, LightTarget, Outlook, Viewpoint, area_to_solid_angle, met, ray_to_position};
 use crate::math::{Frame, power_heuristic};
 use crate::roulette::Survival;
 use crate::sampler::{Dimensions, Sampler};
@@ -132,6 +132,10 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
             }
             return end(radiance, Cause::Escaped, throughput, first_object);
         };
+        let outlook = learned.map_or(Outlook::NONE, |learned| {
+            let (p, n) = met(&ray, &hit);
+            learned.outlook(simd, p, n)
+        });
         let surface = if has::<C>(Feature::Instances) {
             scene.geometry.surface(hit.instance, hit.primitive)
         } else {
@@ -199,7 +203,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
         let point = scene.geometry.point(surface, hit.u, hit.v);
         let in_world = !has::<C>(Feature::Instances) || hit.instance == NO_INSTANCE;
         let leaves = if in_world { hit.primitive } else { NONE };
-        let viewpoint = learned.map_or(Viewpoint::NONE, |learned| learned.viewpoint(point.p, frame.n));
+        let viewpoint = Viewpoint::new(point.p, frame.n, outlook);
 
         if !resolved.is_specular() {
             let direct = direct_light::<S, P, C>(

@@ -20,7 +20,7 @@ use crate::scene::RenderScene;
 use crate::surface::resolve;
 use glam::{Vec2, Vec3};
 use hotspot_bvh::simd::{Simd, WithSimd, dispatch};
-use hotspot_bvh::{NO_INSTANCE, Ray};
+use hotspot_bvh::{Hit, NO_INSTANCE, Ray};
 use hotspot_probe::{NONE, NoProbe};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -47,18 +47,31 @@ pub(crate) struct Learned {
     windows: Option<Windows>,
 }
 
+/// A view of [`Windows`], or none.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Outlook(u16);
+
+impl Outlook {
+    pub(crate) const NONE: Self = Self(NOWHERE);
+}
+
 /// Where lights are seen from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Viewpoint {
     p: Vec3,
     n: Vec3,
-    /// What [`Windows`] knows there.
-    windows: u16,
+    outlook: Outlook,
 }
 
 impl Viewpoint {
     /// Where nothing was sampled: the camera.
-    pub(crate) const NONE: Self = Self { p: Vec3::ZERO, n: Vec3::Z, windows: NOWHERE };
+    pub(crate) const NONE: Self = Self::new(Vec3::ZERO, Vec3::Z, Outlook::NONE);
+
+    /// A surface at `p` with shading normal `n`, on the path's side.
+    #[inline(always)]
+    pub(crate) const fn new(p: Vec3, n: Vec3, outlook: Outlook) -> Self {
+        Self { p, n, outlook }
+    }
 }
 
 /// What to learn.
@@ -84,11 +97,14 @@ impl Learned {
         (facing.is_some() || windows.is_some()).then_some(Self { facing, windows })
     }
 
-    /// A surface at `p` with shading normal `n`, on the path's side.
+    /// What is known of where the environment is seen from, at a point about `p` of a surface with geometric normal `n`, on the
+    /// path's side: what is needed of a hit is known before its surface is looked up, and asked for by then.
     #[inline(always)]
-    pub(crate) fn viewpoint(&self, p: Vec3, n: Vec3) -> Viewpoint {
-        let windows = self.windows.as_ref().map_or(NOWHERE, |windows| windows.find(p, n));
-        Viewpoint { p, n, windows }
+    pub(crate) fn outlook<S: Simd>(&self, s: S, p: Vec3, n: Vec3) -> Outlook {
+        let Some(windows) = &self.windows else { return Outlook(NOWHERE) };
+        let view = windows.find(p, n);
+        windows.fetch(s, view);
+        Outlook(view)
     }
 
     /// As [`Lights::sample`]; `None`: nothing was learned about the kind of light that the numbers choose.
@@ -108,7 +124,7 @@ impl Learned {
                 else {
                     return None;
                 };
-                let (wi, pdf) = windows.sample(from.windows, frame, Vec2::new(select / share, v));
+                let (wi, pdf) = windows.sample(from.outlook.0, frame, Vec2::new(select / share, v));
                 let pdf = share * pdf;
                 let target = LightTarget::Environment(*radiance);
                 return Some((pdf > 0.0).then_some(LightSample { wi, pdf, target }));
@@ -140,8 +156,16 @@ impl Learned {
         otherwise: f32,
     ) -> f32 {
         let Some(windows) = &self.windows else { return otherwise };
-        lights.environment_probability * windows.pdf(from.windows, direction, direction.dot(from.n))
+        lights.environment_probability * windows.pdf(from.outlook.0, direction, direction.dot(from.n))
     }
+}
+
+/// About where a ray met a surface, and the surface's geometric normal, on the side of the ray: as [`Learned::outlook`] wants them.
+#[inline(always)]
+pub(crate) fn met(ray: &Ray, hit: &Hit) -> (Vec3, Vec3) {
+    let (direction, normal) = (Vec3::from_array(ray.direction), Vec3::from_array(hit.normal));
+    let p = Vec3::from_array(ray.origin) + direction * hit.t;
+    (p, if direction.dot(normal) <= 0.0 { normal } else { -normal })
 }
 
 /// In a room few rays get out by chance, one in thirty: so the first walks learn where windows are about, and the others check
@@ -243,6 +267,7 @@ impl Walks<'_> {
             let [u, v, next_to_light @ ..] = sampler.get(Dimensions::segment(bounce + 1));
             let point = scene.geometry.point(surface, hit.u, hit.v);
             let geometric = Vec3::from_array(hit.normal);
+            let (there, side) = met(&ray, &hit);
             let leave = |direction: Vec3| {
                 let side = if direction.dot(geometric) < 0.0 { -geometric } else { geometric };
                 Ray::new(point.leave(side).to_array(), direction.to_array())
@@ -252,13 +277,13 @@ impl Walks<'_> {
                 let Some(sample) = bsdf.sample(frame.to_local(wo), u, Vec2::new(u, v)) else { return };
                 direction = frame.to_world(sample.wi);
             } else {
-                let key = self.grid.key(point.p, frame.n);
+                let key = self.grid.key(there, side);
                 self.visits[self.grid.index(key)].fetch_add(1, Relaxed);
                 let local = square_to_cosine_hemisphere(Vec2::new(u, v));
                 direction = frame.to_world(local);
                 let mut looked = 0.0;
                 if let Some(known) = self.known {
-                    let view = known.find(point.p, frame.n);
+                    let view = known.find(there, side);
                     let many = CHECKS as f32;
                     for check in 0..CHECKS {
                         let u = (to_light[0] + check as f32 / many).fract();

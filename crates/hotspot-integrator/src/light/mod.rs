@@ -47,7 +47,7 @@ pub(crate) use environment::EnvironmentSampler;
 use glam::{Vec2, Vec3};
 use hotspot_probe::Probe;
 use hotspot_scene::{Environment, Light, Material};
-pub(crate) use learn::{Learned, Lessons, Viewpoint};
+pub(crate) use learn::{Learned, Lessons, Outlook, Viewpoint, met};
 use patches::Patches;
 use punctual::PunctualLight;
 pub(crate) use punctual::ray_to_position;

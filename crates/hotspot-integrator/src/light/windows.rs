@@ -18,6 +18,7 @@
 use super::steps::Steps;
 use crate::math::{FRAC_1_PI, Frame, atan2_turns, sin_cos_turn, square_to_cosine_hemisphere};
 use glam::{Vec2, Vec3};
+use hotspot_bvh::simd::Simd;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
@@ -297,6 +298,12 @@ impl Windows {
     #[inline(always)]
     pub(super) fn find(&self, p: Vec3, n: Vec3) -> u16 {
         self.view_of[self.grid.index(self.grid.key(p, n))]
+    }
+
+    /// Asks for what a choice reads first of a view.
+    #[inline(always)]
+    pub(super) fn fetch<S: Simd>(&self, s: S, view: u16) {
+        s.prefetch(self.views.as_ptr().wrapping_add(usize::from(view)).cast());
     }
 
     /// Density per solid angle of unit direction `d`, which makes cosine `cos` with the normal.
