@@ -234,22 +234,19 @@ impl Group {
         let power_of: Vec<f64> = order.iter().map(|patch| patch.power(lights)).collect();
         let mut trees = Trees::new(edge * edge, order.len());
         let shape = trees.shape();
+        // Of each patch one triangle and, where it has two, the other.
+        let faces =
+            [0, 1].map(|half| Faces::new(lights, order.iter().map(|patch| patch.triangles().nth(half))));
         // Each bin's share of the power that faces it, while its distribution is made.
         let weigh = |(bin, nodes): (usize, &mut [Node])| {
             let at = Vec2::new((bin % edge) as f32 + 0.5, (bin / edge) as f32 + 0.5) / edge as f32;
             let towards = from_octahedron(at);
-            let seen_of = |i: u32| {
-                let light = &lights[i as usize];
-                let cos = light.normal.dot(towards);
-                // Both sides of a surface that emits to both.
-                let cos = if light.two_sided { cos.abs() } else { cos };
-                light.probability * f64::from((cos + SLACK).max(0.0) / (1.0 + SLACK))
-            };
-            let seen: Vec<f64> = order.iter().map(|patch| patch.triangles().map(seen_of).sum()).collect();
-            let sum: f64 = seen.iter().sum();
+            let mut seen = vec![0.0; order.len()];
+            faces.iter().for_each(|faces| faces.add_seen(towards, &mut seen));
+            let sum: f64 = seen.iter().map(|seen| f64::from(*seen)).sum();
             let defensive = if sum > 0.0 { f64::from(DEFENSIVE) * sum / power } else { 1.0 };
-            let weight = |(seen, power): (&f64, &f64)| {
-                (((1.0 - f64::from(DEFENSIVE)) * seen + defensive * power) / total) as f32
+            let weight = |(seen, power): (&f32, &f64)| {
+                (((1.0 - f64::from(DEFENSIVE)) * f64::from(*seen) + defensive * power) / total) as f32
             };
             shape.fill(nodes, seen.iter().zip(&power_of).map(weight).collect());
             (sum / power).max(1e-3) as f32
@@ -258,6 +255,43 @@ impl Group {
         let outline =
             Outline { centre, radius, power: power as f32, share: (power / total) as f32, edge: edge as f32 };
         Self { outline, trees, order }
+    }
+}
+
+/// Triangles side by side, so that a bin asks all of them in vectors.
+#[derive(Default)]
+struct Faces {
+    normals: [Vec<f32>; 3],
+    /// Probability of each; 0 in place of one that is missing.
+    powers: Vec<f32>,
+    two_sided: Vec<bool>,
+}
+
+impl Faces {
+    fn new(lights: &[LightTriangle], triangles: impl Iterator<Item = Option<u32>>) -> Self {
+        let mut faces = Self::default();
+        for triangle in triangles {
+            let light = triangle.map(|i| &lights[i as usize]);
+            let normal = light.map_or(Vec3::ZERO, |light| light.normal).to_array();
+            faces.normals.iter_mut().zip(normal).for_each(|(all, n)| all.push(n));
+            faces.powers.push(light.map_or(0.0, |light| light.probability as f32));
+            faces.two_sided.push(light.is_some_and(|light| light.two_sided));
+        }
+        faces
+    }
+
+    /// Adds the power of each triangle that faces a direction, by how much it does.
+    fn add_seen(&self, towards: Vec3, seen: &mut [f32]) {
+        let [x, y, z] = &self.normals;
+        let normals = x.iter().zip(y).zip(z);
+        for (((seen, ((x, y), z)), power), two_sided) in
+            seen.iter_mut().zip(normals).zip(&self.powers).zip(&self.two_sided)
+        {
+            let cos = x * towards.x + y * towards.y + z * towards.z;
+            // Both sides of a surface that emits to both.
+            let cos = if *two_sided { cos.abs() } else { cos };
+            *seen += power * ((cos + SLACK).max(0.0) / (1.0 + SLACK));
+        }
     }
 }
 

@@ -67,10 +67,11 @@ impl<U: Unit, const N: usize> Steps<U, N> {
             steps[0] = U::default();
             return Self(steps);
         }
-        let spread = f64::from(U::ALL - present);
+        let scale = f64::from(U::ALL - present) / total;
         let (mut before, mut seen) = (0.0, 0);
         let steps = weights.map(|weight| {
-            let step = seen + (before / total * spread).round() as u32;
+            // Half up: `round` is a call on processors without an instruction for it.
+            let step = seen + (before * scale + 0.5) as u32;
             before += f64::from(weight);
             seen += u32::from(weight > 0.0);
             U::of(step.min(U::ALL))
