@@ -132,31 +132,32 @@ impl Lanes {
         let mut turned = [0u32; LANES];
         for axis in 0..3 {
             let sign = u32::from(first.down[axis]) << 31;
-            for lane in 0..LANES {
+            for (lane, turned) in turned.iter_mut().enumerate() {
                 let d = direction[axis].0[lane];
                 inverse[axis].0[lane] = 1.0 / d;
                 inverse_far[axis].0[lane] = reciprocal_far(inverse[axis].0[lane]);
                 odd.0[lane] += 0.0 * origin[axis].0[lane] + 0.0 * d + 0.0 * inverse_far[axis].0[lane];
-                turned[lane] |= d.to_bits() ^ sign;
+                *turned |= d.to_bits() ^ sign;
             }
         }
         let last = first.k[2] as usize;
         let [x, y, z] = &direction;
         let mut disagree = false;
-        for lane in 0..LANES {
+        for (lane, turned) in turned.iter().enumerate() {
             disagree |= longest_axis([x.0[lane], y.0[lane], z.0[lane]]) != last;
             disagree |= odd.0[lane] != 0.0;
-            disagree |= turned[lane] >> 31 != 0;
-            // Neither is what is no number.
-            disagree |= !(t_min.0[lane] >= 0.0);
+            disagree |= turned >> 31 != 0;
+            // Ends that are no numbers would hide those of the other rays.
+            disagree |= (t_min.0[lane] < 0.0) | t_min.0[lane].is_nan() | best.0[lane].is_nan();
         }
-        let [x, y, z] = first.k.map(|axis| direction[axis as usize]);
+        let [kx, ky, kz] = [first.k[0] as usize, first.k[1] as usize, first.k[2] as usize];
+        let (x, y, z) = (&direction[kx], &direction[ky], &direction[kz]);
         let mut shear = [zero; 2];
         for lane in 0..LANES {
             shear[0].0[lane] = x.0[lane] / z.0[lane];
             shear[1].0[lane] = y.0[lane] / z.0[lane];
         }
-        let origin_k = first.k.map(|axis| origin[axis as usize]);
+        let origin_k = [origin[kx], origin[ky], origin[kz]];
         let used = (1 << rays.len()) - 1;
         (Self { origin, inverse, inverse_far, origin_k, shear, t_min, best, used }, !disagree)
     }
@@ -453,6 +454,11 @@ mod tests {
                             if packet % 4 == 1 {
                                 ray.t_max = 1.0 + 0.3 * random.signed();
                                 ray.t_min = if index % 2 == 0 { 0.6 } else { 0.0 };
+                            }
+                            // The last of a full packet.
+                            if packet % 32 == 31 && index == PACKET - 1 {
+                                let end = if packet % 64 == 31 { &mut ray.t_max } else { &mut ray.t_min };
+                                *end = f32::NAN;
                             }
                             // Some along a plane of boxes, to which 0 · ∞ belongs; others beside it.
                             if packet % 10 == 4 {

@@ -29,7 +29,10 @@ pub(crate) fn sin_cos_turn(u: f32) -> (f32, f32) {
     // Odd quarters exchange the two; which quarter it is, no predictor knows.
     let odd = quarter & 1 != 0;
     let negated = |x: f32, when: u32| f32::from_bits(x.to_bits() ^ (when & 2) << 30);
-    (negated(select_unpredictable(odd, c, s), quarter), negated(select_unpredictable(odd, s, c), quarter + 1))
+    (
+        negated(select_unpredictable(odd, c, s), quarter),
+        negated(select_unpredictable(odd, s, c), quarter.wrapping_add(1)),
+    )
 }
 
 /// The angle of (x, y) with the x axis in turns, in [−½, ½]; 0 at the origin. As [`f32::atan2`] otherwise, but for the sign

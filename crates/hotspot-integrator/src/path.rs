@@ -203,7 +203,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
         let point = scene.geometry.point(surface, hit.u, hit.v);
         let in_world = !has::<C>(Feature::Instances) || hit.instance == NO_INSTANCE;
         let leaves = if in_world { hit.primitive } else { NONE };
-        let viewpoint = Viewpoint::new(point.p, frame.n, outlook);
+        let viewpoint = if C::LEARNED { Viewpoint::new(point.p, frame.n, outlook) } else { Viewpoint::NONE };
 
         if !resolved.is_specular() {
             let direct = direct_light::<S, P, C>(

@@ -52,6 +52,7 @@ pub(crate) struct Learned {
 pub(crate) struct Outlook(u16);
 
 impl Outlook {
+    /// Nothing is known.
     pub(crate) const NONE: Self = Self(NOWHERE);
 }
 
@@ -97,11 +98,12 @@ impl Learned {
         (facing.is_some() || windows.is_some()).then_some(Self { facing, windows })
     }
 
-    /// What is known of where the environment is seen from, at a point about `p` of a surface with geometric normal `n`, on the
-    /// path's side: what is needed of a hit is known before its surface is looked up, and asked for by then.
+    /// What is known of the directions in which the environment is seen about `p` on a surface with geometric normal `n`, turned to the
+    /// path's side ([`met`]). By these, since a hit has them before its surface is looked up: what a choice reads is on its way from
+    /// memory while normals and textures are.
     #[inline(always)]
     pub(crate) fn outlook<S: Simd>(&self, s: S, p: Vec3, n: Vec3) -> Outlook {
-        let Some(windows) = &self.windows else { return Outlook(NOWHERE) };
+        let Some(windows) = &self.windows else { return Outlook::NONE };
         let view = windows.find(p, n);
         windows.fetch(s, view);
         Outlook(view)
@@ -267,7 +269,7 @@ impl Walks<'_> {
             let [u, v, next_to_light @ ..] = sampler.get(Dimensions::segment(bounce + 1));
             let point = scene.geometry.point(surface, hit.u, hit.v);
             let geometric = Vec3::from_array(hit.normal);
-            let (there, side) = met(&ray, &hit);
+            let (met_at, turned) = met(&ray, &hit);
             let leave = |direction: Vec3| {
                 let side = if direction.dot(geometric) < 0.0 { -geometric } else { geometric };
                 Ray::new(point.leave(side).to_array(), direction.to_array())
@@ -277,13 +279,13 @@ impl Walks<'_> {
                 let Some(sample) = bsdf.sample(frame.to_local(wo), u, Vec2::new(u, v)) else { return };
                 direction = frame.to_world(sample.wi);
             } else {
-                let key = self.grid.key(there, side);
+                let key = self.grid.key(met_at, turned);
                 self.visits[self.grid.index(key)].fetch_add(1, Relaxed);
                 let local = square_to_cosine_hemisphere(Vec2::new(u, v));
                 direction = frame.to_world(local);
                 let mut looked = 0.0;
                 if let Some(known) = self.known {
-                    let view = known.find(there, side);
+                    let view = known.find(met_at, turned);
                     let many = CHECKS as f32;
                     for check in 0..CHECKS {
                         let u = (to_light[0] + check as f32 / many).fract();
