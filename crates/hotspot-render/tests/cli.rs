@@ -78,6 +78,30 @@ fn threads_and_instruction_sets_give_the_same_digests() {
     assert_ne!(first["radiance"], digest(&["--seed", "1"])["radiance"]);
 }
 
+/// What is learned before the first sample does not depend on the machine either, and is told in the settings.
+#[test]
+fn what_is_learned_gives_the_same_digests() {
+    let dir = folder();
+    let out = dir.path().to_str().expect("UTF-8");
+    for name in ["cornell-box-red", "white-room-matte"] {
+        let scene = scene(name);
+        let document = |more: &[&str]| {
+            let mut arguments = vec![scene.as_str(), "--size", "16x16", "--spp", "2", "-o", out, "-q"];
+            arguments.extend(more);
+            expect(0, &arguments);
+            json(&dir.path().join(format!("{name}.json")))
+        };
+        let plain = document(&[]);
+        let learned = ["--roulette", "efficient", "--lights", "learned"];
+        let one = document(&[&learned[..], &["--threads", "1"]].concat());
+        let other = document(&[&learned[..], &["--threads", "3", "--isa", "portable"]].concat());
+        assert_eq!(one["digest"], other["digest"], "{name}");
+        assert_ne!(one["digest"], plain["digest"], "{name}");
+        assert_eq!([&one["settings"]["roulette"], &one["settings"]["lights"]], ["efficient", "learned"]);
+    }
+    expect(2, &["--demo", "--roulette", "eficient", "-o", out]);
+}
+
 #[test]
 fn compare_finds_what_changed_and_gates() {
     let dir = folder();
