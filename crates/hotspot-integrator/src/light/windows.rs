@@ -3,7 +3,7 @@
 //! A room lit through its windows sees the environment in a small part of all directions, and light sampling that does not
 //! know which part casts most of its shadow rays at walls. So walks through the scene ([`learn`](super::learn)) note, for the
 //! surfaces in each cell of a coarse grid, in which directions rays escaped. Surfaces in one cell that face different ways see
-//! different things: a cell holds six distributions, by the axis nearest to the normal.
+//! different things: a cell holds six distributions, by the axis nearest to the geometric normal.
 //!
 //! **Backing off.** Few rays escape from any one cell, so cells lie in coarser ones, each twice as long. What is seen from a
 //! cell is what escaped from it and, for as many escapes as [`PRIOR`] besides, what is seen from the coarser cell around (as
@@ -106,7 +106,7 @@ impl Grid {
         Self { min, per_length, size }
     }
 
-    /// The cell and orientation of a surface; points outside belong to the nearest cell.
+    /// The cell and orientation of a surface about `p` with geometric normal `n` ([`met`](super::met)); points outside belong to the nearest cell.
     #[inline(always)]
     pub(super) fn key(&self, p: Vec3, n: Vec3) -> Key {
         let at = (p - self.min) * self.per_length;
@@ -294,7 +294,7 @@ impl Windows {
         self.views.len()
     }
 
-    /// The distribution for a surface, or [`NOWHERE`].
+    /// The distribution for a surface ([`Grid::key`]), or [`NOWHERE`].
     #[inline(always)]
     pub(super) fn find(&self, p: Vec3, n: Vec3) -> u16 {
         self.view_of[self.grid.index(self.grid.key(p, n))]
