@@ -4,10 +4,10 @@
 //! costs, and punishes paths that start on a dark surface although their pixel is dark as well.
 //!
 //! **For efficiency** ([`Roulette::Efficient`]). Let a path with throughput w reach a vertex from which it would bring w·L more and
-//! cost C more. To go on with probability p, at a weight of 1/p, adds w² E[L²] (1/p − 1) to the variance V of a sample and takes
+//! cost C more. To go on with probability p, at a weight of 1/p, adds `w² E[L²] (1/p − 1)` to the variance V of a sample and takes
 //! C (1 − p) from its cost T. The least V·T, which is what decides about the time to an error, has V′/V = −T′/T, so
 //!
-//! > p = w √(E[L²] / E[C] · T / V)
+//! > `p = w √(E[L²] / E[C] · T / V)`
 //!
 //! (Bolin and Meyer, *An Error Metric for Monte Carlo Ray Tracing*, 1997; Rath et al., *EARS: Efficiency-Aware Russian Roulette and
 //! Splitting*, SIGGRAPH 2022, who learn L and C place by place). Here the square root is one number for the scene, the *gain*, found by a
