@@ -26,6 +26,7 @@ mod binary;
 mod build;
 mod collapse;
 mod curve;
+pub mod few;
 mod filter;
 mod huge;
 mod instance;

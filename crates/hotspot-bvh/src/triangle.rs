@@ -346,15 +346,20 @@ fn plane(triangle: &[[f32; 3]; 3]) -> ([f64; 3], [f64; 3]) {
 #[inline(always)]
 pub(crate) fn details(frame: &RayFrame, triangle: &[[f32; 3]; 3]) -> (f32, f32, [f32; 3]) {
     let (u, v) = barycentric(frame, triangle);
+    (u, v, unit_normal(triangle))
+}
+
+/// The unit normal, rounded from f64; zero where the triangle is degenerate.
+#[inline(always)]
+pub(crate) fn unit_normal(triangle: &[[f32; 3]; 3]) -> [f32; 3] {
     let (n, _) = plane(triangle);
     let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-    let normal = if length > 0.0 {
+    if length > 0.0 {
         let scale = 1.0 / length;
         [(n[0] * scale) as f32, (n[1] * scale) as f32, (n[2] * scale) as f32]
     } else {
         [0.0; 3]
-    };
-    (u, v, normal)
+    }
 }
 
 /// Barycentric weights of the second and third vertex.

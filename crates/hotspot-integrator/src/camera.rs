@@ -1,6 +1,8 @@
 //! From film positions to camera rays.
 
 use glam::Vec3;
+use hotspot_bvh::few::Rays;
+use hotspot_bvh::simd::{Floats, Integers, Simd, Vectors};
 use hotspot_scene::{Camera, Projection};
 
 /// A camera ready for a film of a given shape.
@@ -56,6 +58,35 @@ impl FilmCamera {
         (width, height): (u32, u32),
     ) -> (Vec3, Vec3) {
         self.ray((x as f32 + u) / width as f32, (y as f32 + v) / height as f32)
+    }
+
+    /// The largest coordinate that the origin of a ray may have.
+    pub(crate) fn reach(&self) -> f32 {
+        let far =
+            self.origin.abs() + if self.parallel { self.right.abs() + self.down.abs() } else { Vec3::ZERO };
+        far.max_element()
+    }
+
+    /// [`FilmCamera::ray_of`] in lanes: the same bits.
+    #[inline(always)]
+    pub(crate) fn rays<S: Simd>(
+        &self,
+        s: S,
+        [x, y]: [Integers<S>; 2],
+        [u, v]: [Floats<S>; 2],
+        (width, height): (u32, u32),
+    ) -> Rays<S> {
+        let number = |n| Floats::splat(s, n);
+        let vector = |v: Vec3| Vectors::splat(s, v.to_array());
+        let x = (x.to_floats() + u) / number(width as f32);
+        let y = (y.to_floats() + v) / number(height as f32);
+        let offset = vector(self.right).scaled(x - 0.5) + vector(self.down).scaled(y - 0.5);
+        let (origin, forward) = (vector(self.origin), vector(self.forward));
+        if self.parallel {
+            return Rays { origin: origin + offset, direction: forward };
+        }
+        let towards = forward + offset;
+        Rays { origin, direction: towards.scaled(1.0 / towards.dot(towards).sqrt()) }
     }
 }
 

@@ -4,8 +4,9 @@ use crate::adaptive::Plan;
 use crate::camera::FilmCamera;
 use crate::cast::closest_hits;
 use crate::class::{Class, FullClass, Learning, LobesClass, MatteClass, SceneClass, TexturedClass};
+use crate::lanes::{SampleList, SmallScene, View, trace_samples};
 use crate::path::{PathResult, PathSettings, Start, trace};
-use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind};
+use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind, pixel_key};
 use crate::scene::RenderScene;
 use glam::Vec3;
 use hotspot_bvh::PACKET;
@@ -71,6 +72,8 @@ pub(crate) struct Kernel<'a> {
     pub(crate) payers: Option<&'a Payers>,
     /// Whether camera rays that are not counted go in packets.
     pub(crate) packets: bool,
+    /// Where paths that are not counted go eight at a time.
+    pub(crate) small: Option<&'a SmallScene>,
 }
 
 /// A tile and the samples to take of each of its pixels.
@@ -90,7 +93,32 @@ impl WithSimd for TileJob<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
+    fn run<S: Simd>(mut self, simd: S) {
+        let Some(small) = self.kernel.small else { return self.one_by_one(simd) };
+        let counted = if self.tile.has_cost() { self.kernel.counted } else { 0 };
+        let Range { start, end } = self.samples;
+        let bound = counted.clamp(start, end);
+        if start < bound {
+            let job = TileJob {
+                tile: &mut *self.tile,
+                samples: start..bound,
+                lost: &mut *self.lost,
+                ledger: self.ledger.as_deref_mut(),
+                ..self
+            };
+            job.one_by_one(simd);
+        }
+        if bound < end {
+            self.samples = bound..end;
+            eights(simd, &mut self, small);
+        }
+    }
+}
+
+impl TileJob<'_> {
+    /// Path by path.
+    #[inline(never)]
+    fn one_by_one<S: Simd>(self, simd: S) {
         #[cfg(hotspot_ablation)]
         if let Some(feature) = self.kernel.scene.without {
             return self.run_without(simd, feature);
@@ -222,7 +250,7 @@ impl TileJob<'_> {
                         for index in counting {
                             let sampler = pixel_sampler.sample(index);
                             let result = sample::<S, _, C>(simd, kernel, (x, y), &sampler, visit.path());
-                            let finite = kept.add(index, &result);
+                            let finite = kept.add(index, result.radiance);
                             visit.end(path_end(&result, finite));
                         }
                     }
@@ -241,7 +269,7 @@ impl TileJob<'_> {
                             &sampler,
                             &mut NoProbe,
                         );
-                        kept.add(index, &result);
+                        kept.add(index, result.radiance);
                     }
                 }
                 *film = kept.film;
@@ -254,6 +282,91 @@ impl TileJob<'_> {
                 }
             }
         }
+    }
+}
+
+/// Samples that are taken together, eight at a time: so many that those that end last do not matter.
+const TOGETHER: usize = 1024;
+
+/// Some samples of a pixel's half.
+struct Visit {
+    x: u32,
+    y: u32,
+    half: usize,
+    range: Range<u64>,
+}
+
+/// The samples of a job, eight at a time. None of them is counted.
+fn eights<S: Simd>(simd: S, job: &mut TileJob<'_>, small: &SmallScene) {
+    let kernel = job.kernel;
+    let mut list = SampleList::default();
+    let mut visits = Vec::new();
+    let mut found = Vec::new();
+    for (x, y) in job.tile.rect().pixels() {
+        let mut samples = job.samples.clone();
+        if let Some(plan) = job.plan {
+            samples.end = samples.end.min(plan.target(x, y));
+        }
+        if samples.is_empty() {
+            continue;
+        }
+        for half in 0..kernel.halves {
+            let mut left = of_half(&samples, half as u64, kernel.halves as u64);
+            let key = pixel_key([x, y, half as u32], kernel.seed);
+            while !left.is_empty() {
+                let range = left.start..left.end.min(left.start + (TOGETHER - list.len()) as u64);
+                left.start = range.end;
+                for index in range.clone() {
+                    list.push(key, (x, y), index as u32);
+                }
+                visits.push(Visit { x, y, half, range });
+                if list.len() == TOGETHER {
+                    take(simd, kernel, small, &list, &mut found);
+                    keep(job, &visits, &found);
+                    list.clear();
+                    visits.clear();
+                }
+            }
+        }
+    }
+    take(simd, kernel, small, &list, &mut found);
+    keep(job, &visits, &found);
+}
+
+/// Not inlined: compiled once.
+#[inline(never)]
+fn take<S: Simd>(
+    simd: S,
+    kernel: &Kernel<'_>,
+    small: &SmallScene,
+    list: &SampleList,
+    found: &mut Vec<[f32; 3]>,
+) {
+    let view = View {
+        scene: kernel.scene,
+        small,
+        camera: &kernel.camera,
+        size: (kernel.width, kernel.height),
+        settings: &kernel.path,
+    };
+    simd.vectorize(
+        #[inline(always)]
+        || trace_samples(simd, &view, list, found),
+    );
+}
+
+/// Adds what was found to its pixels, in the order of samples.
+fn keep(job: &mut TileJob<'_>, visits: &[Visit], mut found: &[[f32; 3]]) {
+    for Visit { x, y, half, range } in visits {
+        let (film, _) = job.tile.open(*x, *y, *half);
+        let mut kept =
+            Kept { film: *film, lost: job.lost, radiance: job.kernel.radiance, x: *x, y: *y, half: *half };
+        let (these, rest) = found.split_at((range.end - range.start) as usize);
+        for (index, radiance) in range.clone().zip(these) {
+            kept.add(index, Vec3::from_array(*radiance));
+        }
+        *film = kept.film;
+        found = rest;
     }
 }
 
@@ -281,14 +394,14 @@ struct Kept<'a> {
 impl Kept<'_> {
     /// Adds a sample; whether its radiance is finite.
     #[inline(always)]
-    fn add(&mut self, sample: u64, result: &PathResult) -> bool {
-        let finite = result.radiance.is_finite();
+    fn add(&mut self, sample: u64, radiance: Vec3) -> bool {
+        let finite = radiance.is_finite();
         if self.radiance {
             if !finite {
                 let Self { x, y, half, .. } = *self;
                 self.lost.add(NonFinite { x, y, sample, half });
             }
-            self.film.add(if finite { result.radiance.to_array() } else { [0.0; 3] });
+            self.film.add(if finite { radiance.to_array() } else { [0.0; 3] });
         }
         finite
     }
@@ -320,7 +433,7 @@ fn booked_samples<S: Simd, C: Class>(
                 let mut path = visit.path();
                 let at = (kept.x, kept.y);
                 let result = sample::<S, _, C>(simd, kernel, at, &sampler.sample(index), &mut path);
-                let finite = kept.add(index, &result);
+                let finite = kept.add(index, result.radiance);
                 path.end(path_end(&result, finite));
             }
             kept.film

@@ -14,6 +14,7 @@ mod class;
 mod cutout;
 mod geometry;
 mod kernel;
+mod lanes;
 mod light;
 mod math;
 mod path;

@@ -3,6 +3,7 @@
 use crate::adaptive::{Plan, pilot};
 use crate::camera::FilmCamera;
 use crate::kernel::{Kernel, Lost, NonFinite, TileJob};
+use crate::lanes::SmallScene;
 use crate::light::{Learned, Lessons};
 use crate::path::PathSettings;
 use crate::roulette::{Pilot, Roulette, Survival};
@@ -323,12 +324,23 @@ fn render_in_tiles(
     let guides = settings.guides(scene, Some(&camera));
     let learning_seconds = start.elapsed().as_secs_f64();
     let pixels = u64::from(settings.width) * u64::from(settings.height);
+    let total = whole(settings.spp);
+    let path = settings.path(gather.trace_shadow_rays, &guides);
+    // Eight at a time go samples of which nothing but radiance is asked; their numbers are those of one Sobol sequence.
+    let eights = settings.packets
+        && settings.sampler == SamplerKind::Sobol
+        && gather.radiance
+        && gather.trace_shadow_rays
+        && !gather.time
+        && path.learned.is_none()
+        && total / halves <= 1 << 16;
+    let small = if eights { SmallScene::new(scene, &camera) } else { None };
     let kernel = Kernel {
         scene,
         camera,
         width: settings.width,
         height: settings.height,
-        path: settings.path(gather.trace_shadow_rays, &guides),
+        path,
         sampler: settings.sampler,
         seed: settings.seed,
         halves: frame.halves(),
@@ -337,9 +349,9 @@ fn render_in_tiles(
         clock: gather.time,
         payers: payers.as_ref(),
         packets: settings.packets && scene.triangle_count() as u64 <= PACKED * pixels,
+        small: small.as_ref(),
     };
     let isa = scene.bvh.isa();
-    let total = whole(settings.spp);
     let pilot = if settings.adaptive { pilot(total) } else { None };
     let pilot = pilot.map(|pilot| pilot.next_multiple_of(halves));
     let mut plan: Option<Plan> = None;

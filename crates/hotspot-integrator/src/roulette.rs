@@ -44,7 +44,7 @@ pub(crate) struct Survival {
 }
 
 /// A first scattering that weighs less counts as this much: nobody sees noise in what is nearly black.
-const LEAST_BASE: f32 = 0.1;
+pub(crate) const LEAST_BASE: f32 = 0.1;
 /// Where nothing can be found out, and to find out with.
 const USUAL_GAIN: f32 = 2.0;
 

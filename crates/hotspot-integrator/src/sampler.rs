@@ -39,16 +39,19 @@ use std::sync::LazyLock;
 
 /// Four Sobol dimensions of indices below 2^16, bits reversed as in `sobol_burley`: the exclusive or of one row
 /// by the index's high byte (reversed: the low bits come first) and one by its low byte.
-struct Table([[[u32; 4]; 256]; 2]);
+pub(crate) type Table = [[[u32; 4]; 256]; 2];
+
+/// Numbers in a half of a [`Table`].
+pub(crate) const ROW: u32 = 4 * 256;
 
 /// Segments that share a sequence.
-const TOGETHER: u32 = 4;
+pub(crate) const TOGETHER: u32 = 4;
 
 /// Tables of the Sobol dimensions of those segments, in their order: four each. Sets by themselves take the first.
-static TABLES: LazyLock<[Table; TOGETHER as usize]> = LazyLock::new(|| {
+pub(crate) static TABLES: LazyLock<[Table; TOGETHER as usize]> = LazyLock::new(|| {
     core::array::from_fn(|place| {
         let row = |reversed: u32| [0, 1, 2, 3].map(|d| parts::sobol_rev(reversed, 4 * place as u32 + d));
-        Table([24, 16].map(|shift| core::array::from_fn(|byte| row((byte as u32) << shift))))
+        [24, 16].map(|shift| core::array::from_fn(|byte| row((byte as u32) << shift)))
     })
 });
 
@@ -120,7 +123,7 @@ impl Kept {
 }
 
 /// What `sobol_burley` hashes the dimensions of a set with.
-const DIMENSIONS: [u32; 4] = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
+pub(crate) const DIMENSIONS: [u32; 4] = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
 
 /// The scrambles of a set: of the index, and of the four dimensions; and which table they are of.
 #[derive(Clone, Copy, Debug)]
@@ -173,8 +176,8 @@ const fn salt_of(set: u32) -> u32 {
 fn sobol(tables: &[Table; TOGETHER as usize], index: u32, scrambles: &Scrambles) -> [f32; 4] {
     let index = parts::owen_scramble_rev(index.reverse_bits(), scrambles.index);
     let table = &tables[scrambles.table as usize];
-    let high = &table.0[0][(index >> 24) as usize];
-    let low = &table.0[1][(index >> 16 & 0xff) as usize];
+    let high = &table[0][(index >> 24) as usize];
+    let low = &table[1][(index >> 16 & 0xff) as usize];
     let mut points = [0.0; 4];
     for i in 0..4 {
         let scrambled = parts::owen_scramble_rev(high[i] ^ low[i], scrambles.dimensions[i]);
@@ -239,6 +242,12 @@ pub(crate) struct Sampler<'a> {
     index: u32,
 }
 
+/// What the points of a pixel go by.
+#[inline(always)]
+pub(crate) const fn pixel_key([x, y, half]: [u32; 3], seed: u64) -> u32 {
+    hash(x, hash(y, hash(half, hash(seed as u32, (seed >> 32) as u32 ^ 0x5bd1_e995))))
+}
+
 impl PixelSampler {
     /// The points of a pixel. Halves get sequences of their own.
     pub(crate) fn new(kind: SamplerKind, x: u32, y: u32, half: u32, seed: u64) -> Self {
@@ -248,8 +257,14 @@ impl PixelSampler {
     /// The same, for an instruction set.
     #[inline(always)]
     pub(crate) fn of<S: Simd>(simd: S, kind: SamplerKind, [x, y, half]: [u32; 3], seed: u64) -> Self {
-        let key = hash(x, hash(y, hash(half, hash(seed as u32, (seed >> 32) as u32 ^ 0x5bd1_e995))));
+        let key = pixel_key([x, y, half], seed);
         Self { kind, key, tables: &TABLES, kept: Kept::of(simd, key) }
+    }
+
+    /// What the points of the pixel go by.
+    #[cfg(test)]
+    pub(crate) const fn key(&self) -> u32 {
+        self.key
     }
 
     /// The points of sample `index`. A Sobol sequence is exact to 2^16 samples; each further block of 2^16 has a

@@ -47,6 +47,7 @@ pub fn sound(
         radiance: false,
         clock: false,
         payers: Some(&payers),
+        small: None,
         packets: true,
     };
     let frame = Frame::new(FrameDesc { tile: 1, ..FrameDesc::new(1, 1) });

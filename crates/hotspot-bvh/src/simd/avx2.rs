@@ -5,12 +5,19 @@
 
 #![expect(unsafe_code, reason = "vector intrinsics; the safe twin is portable.rs")]
 
-use super::{F8, Simd};
+use super::{F8, Simd, U8};
 use core::arch::x86_64::{
-    __m256, _CMP_LE_OQ, _CMP_LT_OQ, _MM_HINT_T0, _mm_prefetch, _mm256_add_ps, _mm256_and_ps,
-    _mm256_andnot_ps, _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_load_ps,
-    _mm256_loadu_si256, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps, _mm256_set1_epi32,
-    _mm256_set1_ps, _mm256_store_ps, _mm256_sub_ps, _mm256_xor_ps,
+    __m256, __m256d, __m256i, _CMP_LE_OQ, _CMP_LT_OQ, _MM_HINT_T0, _mm_prefetch, _mm_setr_epi8,
+    _mm256_add_epi32, _mm256_add_pd, _mm256_add_ps, _mm256_and_ps, _mm256_and_si256, _mm256_andnot_ps,
+    _mm256_blendv_ps, _mm256_broadcastsi128_si256, _mm256_castps_si256, _mm256_castps256_ps128,
+    _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_cvtepi32_ps, _mm256_cvtpd_ps,
+    _mm256_cvtps_pd, _mm256_div_pd, _mm256_div_ps, _mm256_extractf128_ps, _mm256_i32gather_epi32,
+    _mm256_i32gather_ps, _mm256_load_ps, _mm256_load_si256, _mm256_loadu_si256, _mm256_max_ps,
+    _mm256_min_epu32, _mm256_min_pd, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_pd, _mm256_mul_ps,
+    _mm256_mullo_epi32, _mm256_or_ps, _mm256_or_si256, _mm256_set_m128, _mm256_set1_epi8, _mm256_set1_epi32,
+    _mm256_set1_ps, _mm256_shuffle_epi8, _mm256_slli_epi32, _mm256_sqrt_ps, _mm256_srli_epi32,
+    _mm256_store_ps, _mm256_store_si256, _mm256_sub_epi32, _mm256_sub_pd, _mm256_sub_ps, _mm256_xor_ps,
+    _mm256_xor_si256,
 };
 
 /// Proof that the processor has AVX2, BMI1, BMI2, LZCNT and POPCNT.
@@ -40,6 +47,8 @@ fn with_avx2<R>(f: impl FnOnce() -> R) -> R {
 
 impl Simd for Avx2 {
     type Vector = __m256;
+    type Integers = __m256i;
+    type Doubles = [__m256d; 2];
     const NAME: &'static str = "avx2";
 
     #[inline(always)]
@@ -137,5 +146,192 @@ impl Simd for Avx2 {
     fn le(self, a: __m256, b: __m256) -> u32 {
         // SAFETY: `self` proves AVX2.
         unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)).cast_unsigned() }
+    }
+
+    #[inline(always)]
+    fn div(self, a: __m256, b: __m256) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_div_ps(a, b) }
+    }
+    #[inline(always)]
+    fn sqrt(self, a: __m256) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_sqrt_ps(a) }
+    }
+    #[inline(always)]
+    fn and(self, a: __m256, b: __m256) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_and_ps(a, b) }
+    }
+    #[inline(always)]
+    fn or(self, a: __m256, b: __m256) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_or_ps(a, b) }
+    }
+    #[inline(always)]
+    fn and_not(self, a: __m256, b: __m256) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_andnot_ps(a, b) }
+    }
+    #[inline(always)]
+    fn less(self, a: __m256, b: __m256) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(a, b) }
+    }
+    #[inline(always)]
+    fn less_equal(self, a: __m256, b: __m256) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_cmp_ps::<_CMP_LE_OQ>(a, b) }
+    }
+    #[inline(always)]
+    fn select(self, mask: __m256, a: __m256, b: __m256) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_blendv_ps(b, a, mask) }
+    }
+    #[inline(always)]
+    fn signs(self, a: __m256) -> u32 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_movemask_ps(a).cast_unsigned() }
+    }
+
+    #[inline(always)]
+    fn splat_integer(self, value: u32) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_set1_epi32(value.cast_signed()) }
+    }
+    #[inline(always)]
+    fn load_integers(self, from: &U8) -> __m256i {
+        // SAFETY: `self` proves AVX2; a reference to U8 is valid for 32 bytes and aligned to 32.
+        unsafe { _mm256_load_si256(from.0.as_ptr().cast()) }
+    }
+    #[inline(always)]
+    fn store_integers(self, vector: __m256i) -> U8 {
+        let mut to = U8([0; 8]);
+        // SAFETY: `self` proves AVX2; `to` is valid for 32 bytes and aligned to 32.
+        unsafe { _mm256_store_si256(to.0.as_mut_ptr().cast(), vector) };
+        to
+    }
+    #[inline(always)]
+    fn xor_integers(self, a: __m256i, b: __m256i) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_xor_si256(a, b) }
+    }
+    #[inline(always)]
+    fn shift_left<const N: i32>(self, a: __m256i) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_slli_epi32::<N>(a) }
+    }
+    #[inline(always)]
+    fn shift_right<const N: i32>(self, a: __m256i) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_srli_epi32::<N>(a) }
+    }
+    #[inline(always)]
+    fn reverse_bits(self, a: __m256i) -> __m256i {
+        // The halves of each byte are looked up, reversed; then the bytes of each number.
+        // SAFETY: `self` proves AVX2.
+        unsafe {
+            let low = _mm256_set1_epi8(0x0f);
+            let reversed = _mm256_broadcastsi128_si256(_mm_setr_epi8(
+                0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15,
+            ));
+            let order = _mm256_broadcastsi128_si256(_mm_setr_epi8(
+                3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12,
+            ));
+            let lower = _mm256_shuffle_epi8(reversed, _mm256_and_si256(a, low));
+            let upper = _mm256_shuffle_epi8(reversed, _mm256_and_si256(_mm256_srli_epi32::<4>(a), low));
+            _mm256_shuffle_epi8(_mm256_or_si256(_mm256_slli_epi32::<4>(lower), upper), order)
+        }
+    }
+    #[inline(always)]
+    fn equal_integers(self, a: __m256i, b: __m256i) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_castsi256_ps(_mm256_cmpeq_epi32(a, b)) }
+    }
+    #[inline(always)]
+    fn gather(self, from: &[f32], indices: __m256i) -> __m256 {
+        let last = super::last_index(from.len());
+        // SAFETY: `self` proves AVX2; no index is beyond the last entry, which is below 2^31.
+        unsafe {
+            let indices = _mm256_min_epu32(indices, _mm256_set1_epi32(last.cast_signed()));
+            _mm256_i32gather_ps::<4>(from.as_ptr(), indices)
+        }
+    }
+    #[inline(always)]
+    fn gather_integers(self, from: &[u32], indices: __m256i) -> __m256i {
+        let last = super::last_index(from.len());
+        // SAFETY: `self` proves AVX2; no index is beyond the last entry, which is below 2^31.
+        unsafe {
+            let indices = _mm256_min_epu32(indices, _mm256_set1_epi32(last.cast_signed()));
+            _mm256_i32gather_epi32::<4>(from.as_ptr().cast(), indices)
+        }
+    }
+
+    #[inline(always)]
+    fn widen(self, a: __m256) -> [__m256d; 2] {
+        // SAFETY: `self` proves AVX2.
+        unsafe {
+            [_mm256_cvtps_pd(_mm256_castps256_ps128(a)), _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(a))]
+        }
+    }
+    #[inline(always)]
+    fn narrow(self, [low, high]: [__m256d; 2]) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_set_m128(_mm256_cvtpd_ps(high), _mm256_cvtpd_ps(low)) }
+    }
+    #[inline(always)]
+    fn add_integers(self, a: __m256i, b: __m256i) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_add_epi32(a, b) }
+    }
+    #[inline(always)]
+    fn sub_integers(self, a: __m256i, b: __m256i) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_sub_epi32(a, b) }
+    }
+    #[inline(always)]
+    fn mul_integers(self, a: __m256i, b: __m256i) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_mullo_epi32(a, b) }
+    }
+    #[inline(always)]
+    fn to_floats(self, a: __m256i) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_cvtepi32_ps(a) }
+    }
+    #[inline(always)]
+    fn bits_of(self, a: __m256) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_castps_si256(a) }
+    }
+    #[inline(always)]
+    fn from_bits(self, a: __m256i) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_castsi256_ps(a) }
+    }
+    #[inline(always)]
+    fn add_doubles(self, a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
+        // SAFETY: `self` proves AVX2.
+        unsafe { [_mm256_add_pd(a[0], b[0]), _mm256_add_pd(a[1], b[1])] }
+    }
+    #[inline(always)]
+    fn sub_doubles(self, a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
+        // SAFETY: `self` proves AVX2.
+        unsafe { [_mm256_sub_pd(a[0], b[0]), _mm256_sub_pd(a[1], b[1])] }
+    }
+    #[inline(always)]
+    fn mul_doubles(self, a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
+        // SAFETY: `self` proves AVX2.
+        unsafe { [_mm256_mul_pd(a[0], b[0]), _mm256_mul_pd(a[1], b[1])] }
+    }
+    #[inline(always)]
+    fn div_doubles(self, a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
+        // SAFETY: `self` proves AVX2.
+        unsafe { [_mm256_div_pd(a[0], b[0]), _mm256_div_pd(a[1], b[1])] }
+    }
+    #[inline(always)]
+    fn min_doubles(self, a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
+        // SAFETY: `self` proves AVX2.
+        unsafe { [_mm256_min_pd(a[0], b[0]), _mm256_min_pd(a[1], b[1])] }
     }
 }

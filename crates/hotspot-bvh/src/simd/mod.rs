@@ -8,10 +8,12 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+mod lanes;
 mod portable;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;
+pub use lanes::{Doubles, Floats, Integers, Mask, Vectors};
 pub use portable::Portable;
 
 /// Eight floats, aligned for vector loads.
@@ -19,10 +21,19 @@ pub use portable::Portable;
 #[repr(C, align(32))]
 pub struct F8(pub [f32; 8]);
 
-/// Proof that an instruction set is available, and its operations on eight lanes.
+/// Eight whole numbers, aligned for vector loads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(C, align(32))]
+pub struct U8(pub [u32; 8]);
+
+/// Proof that an instruction set is available, and its operations on eight lanes. [`Floats`] and its kin give them operators.
 pub trait Simd: Copy + Send + Sync + 'static {
     /// Eight f32 in registers.
     type Vector: Copy;
+    /// Eight u32 in registers.
+    type Integers: Copy;
+    /// Eight f64 in registers.
+    type Doubles: Copy;
 
     /// Name as shown in outputs: `portable`, `avx2`.
     const NAME: &'static str;
@@ -63,6 +74,86 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn lt(self, a: Self::Vector, b: Self::Vector) -> u32;
     /// Bit i is set where number i is `value`.
     fn equal(self, numbers: &[u32; 8], value: u32) -> u32;
+
+    /// a / b.
+    fn div(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// √a.
+    fn sqrt(self, a: Self::Vector) -> Self::Vector;
+    /// Bits that both have.
+    fn and(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// Bits that one of both has.
+    fn or(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// Bits of b that a has not.
+    fn and_not(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// All bits of the lanes where a < b, none of the others; never for NaN.
+    fn less(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// The same where a ≤ b.
+    fn less_equal(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a` where a lane of `mask` is full of bits, `b` where it is empty.
+    fn select(self, mask: Self::Vector, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// The sign of lane i as bit i.
+    fn signs(self, a: Self::Vector) -> u32;
+
+    /// All lanes the same.
+    fn splat_integer(self, value: u32) -> Self::Integers;
+    /// From memory.
+    fn load_integers(self, from: &U8) -> Self::Integers;
+    /// To memory.
+    fn store_integers(self, vector: Self::Integers) -> U8;
+    /// a + b, wrapping.
+    fn add_integers(self, a: Self::Integers, b: Self::Integers) -> Self::Integers;
+    /// a − b, wrapping.
+    fn sub_integers(self, a: Self::Integers, b: Self::Integers) -> Self::Integers;
+    /// a · b, wrapping.
+    fn mul_integers(self, a: Self::Integers, b: Self::Integers) -> Self::Integers;
+    /// Bits that one of both has and the other has not.
+    fn xor_integers(self, a: Self::Integers, b: Self::Integers) -> Self::Integers;
+    /// a << N.
+    fn shift_left<const N: i32>(self, a: Self::Integers) -> Self::Integers;
+    /// a >> N.
+    fn shift_right<const N: i32>(self, a: Self::Integers) -> Self::Integers;
+    /// The lowest bit becomes the highest.
+    fn reverse_bits(self, a: Self::Integers) -> Self::Integers;
+    /// All bits of the lanes where a = b.
+    fn equal_integers(self, a: Self::Integers, b: Self::Integers) -> Self::Vector;
+    /// The numbers, of lanes below 2^31.
+    fn to_floats(self, a: Self::Integers) -> Self::Vector;
+    /// The same bits.
+    fn bits_of(self, a: Self::Vector) -> Self::Integers;
+    /// The same bits.
+    fn from_bits(self, a: Self::Integers) -> Self::Vector;
+    /// The entries with these indices, the last one for indices beyond.
+    ///
+    /// # Panics
+    /// Without entries, or with 2^31 and more.
+    fn gather(self, from: &[f32], indices: Self::Integers) -> Self::Vector;
+    /// As [`Simd::gather`].
+    ///
+    /// # Panics
+    /// Without entries, or with 2^31 and more.
+    fn gather_integers(self, from: &[u32], indices: Self::Integers) -> Self::Integers;
+
+    /// Exactly.
+    fn widen(self, a: Self::Vector) -> Self::Doubles;
+    /// To the nearest f32.
+    fn narrow(self, a: Self::Doubles) -> Self::Vector;
+    /// a + b.
+    fn add_doubles(self, a: Self::Doubles, b: Self::Doubles) -> Self::Doubles;
+    /// a − b.
+    fn sub_doubles(self, a: Self::Doubles, b: Self::Doubles) -> Self::Doubles;
+    /// a · b.
+    fn mul_doubles(self, a: Self::Doubles, b: Self::Doubles) -> Self::Doubles;
+    /// a / b.
+    fn div_doubles(self, a: Self::Doubles, b: Self::Doubles) -> Self::Doubles;
+    /// `a < b ? a : b`.
+    fn min_doubles(self, a: Self::Doubles, b: Self::Doubles) -> Self::Doubles;
+}
+
+/// The last index of a table that lanes gather from.
+#[inline(always)]
+fn last_index(len: usize) -> u32 {
+    assert!(len > 0 && len <= i32::MAX as usize, "lanes gather from tables of 1 to 2^31 - 1 entries");
+    (len - 1) as u32
 }
 
 /// An algorithm that runs under any [`Simd`] token; see [`dispatch`].

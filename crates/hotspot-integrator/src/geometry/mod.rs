@@ -201,6 +201,18 @@ impl Geometry {
         Some(self.corners[(first_corner + surface.triangle - surface.part.first_triangle) as usize])
     }
 
+    /// Normals of the corners of a triangle of the world, where its surface has normals of its own.
+    pub(crate) fn corner_normals(&self, primitive: u32) -> Option<[Vec3; 3]> {
+        let surface = self.world_surface(primitive);
+        let (first, corners) = (surface.part.normals?, self.corners(surface)?);
+        Some(corners.map(|corner| self.normals[(first + corner) as usize]))
+    }
+
+    /// Of each triangle: the least distance of a corner from the opposite edge.
+    pub(crate) fn least_heights(&self) -> &[f32] {
+        &self.least_height
+    }
+
     /// The point of a triangle with barycentric weights u, v of its second and third corner, as the origin of further
     /// rays: kept off the triangle's edges by [`SurfacePoint::margin`]. A point on an edge may round to the far side of the
     /// neighbouring face, and a ray from there would leave a closed box.

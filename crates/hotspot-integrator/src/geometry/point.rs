@@ -53,7 +53,7 @@ pub(crate) struct SurfaceTriangle {
     corner: [f64; 3],
     edges: [[f64; 3]; 2],
     /// The share of the corners in [`SurfacePoint::error`].
-    error: [f32; 3],
+    pub(crate) error: [f32; 3],
 }
 
 impl SurfaceTriangle {
@@ -115,7 +115,7 @@ impl SurfaceTriangle {
 pub(crate) struct SurfacePoint {
     pub(crate) p: Vec3,
     /// Bound per axis, see [`SurfacePoint::new`].
-    error: Vec3,
+    pub(crate) error: Vec3,
 }
 
 impl SurfacePoint {

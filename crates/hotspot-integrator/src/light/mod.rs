@@ -24,6 +24,7 @@
 mod environment;
 mod facing;
 mod guided;
+mod lanes;
 mod learn;
 #[cfg(test)]
 mod patch_tests;
@@ -47,6 +48,7 @@ pub(crate) use environment::EnvironmentSampler;
 use glam::{Vec2, Vec3};
 use hotspot_probe::Probe;
 use hotspot_scene::{Environment, Light, Material};
+pub(crate) use lanes::LightLanes;
 pub(crate) use learn::{Learned, Lessons, Outlook, Viewpoint, met};
 use patches::Patches;
 use punctual::PunctualLight;

@@ -62,6 +62,16 @@ struct Half {
     weights: [u8; 2],
 }
 
+/// A patch that is a strip by itself, as [`Strip`], [`Patch`] and [`Half`] have it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Alone {
+    pub(super) cumulative: f32,
+    pub(super) probability: f32,
+    pub(super) pair: bool,
+    pub(super) triangles: [u32; 2],
+    pub(super) weights: [[u8; 2]; 2],
+}
+
 /// A place on the lights.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
@@ -156,6 +166,22 @@ impl Patches {
         let patch = &patches[chosen];
         let y = ((v - patch.cumulative) / patch.probability).clamp(0.0, BELOW_ONE);
         patch.place(x, y)
+    }
+
+    /// The patch of each strip, with the probabilities that choose it, where no strip has several.
+    pub(super) fn one_each(&self) -> Option<impl Iterator<Item = Alone> + '_> {
+        self.strips.iter().all(|strip| strip.count == 1).then(|| {
+            self.strips.iter().map(|strip| {
+                let patch = &self.patches[strip.first as usize];
+                Alone {
+                    cumulative: strip.cumulative,
+                    probability: strip.probability,
+                    pair: patch.pair,
+                    triangles: patch.halves.map(|half| half.triangle),
+                    weights: patch.halves.map(|half| half.weights),
+                }
+            })
+        })
     }
 
     /// Adds a part's patches and strips, without probabilities.

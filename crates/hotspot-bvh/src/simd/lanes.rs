@@ -1,0 +1,443 @@
+//! Eight numbers at a time with operators, so that formulas in lanes read like those for one number.
+//!
+//! Each value carries the token of its instruction set, which takes no room. All operations are those of [`Simd`], lane by lane;
+//! what is written in the same order as for single numbers gives the same bits.
+
+use super::{F8, Simd, U8};
+use core::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Sub};
+
+/// Eight f32.
+#[derive(Clone, Copy)]
+pub struct Floats<S: Simd>(S, S::Vector);
+
+/// Eight u32; sums and products wrap.
+#[derive(Clone, Copy)]
+pub struct Integers<S: Simd>(S, S::Integers);
+
+/// Eight f64.
+#[derive(Clone, Copy)]
+pub struct Doubles<S: Simd>(S, S::Doubles);
+
+/// Eight answers.
+#[derive(Clone, Copy)]
+pub struct Mask<S: Simd>(S, S::Vector);
+
+/// Eight vectors of three f32.
+#[derive(Clone, Copy)]
+pub struct Vectors<S: Simd> {
+    /// First components.
+    pub x: Floats<S>,
+    /// Second components.
+    pub y: Floats<S>,
+    /// Third components.
+    pub z: Floats<S>,
+}
+
+/// Lane by lane between two of a type.
+macro_rules! operators {
+    ($type:ident: $($operator:ident $method:ident $function:ident),*) => {$(
+        impl<S: Simd> $operator for $type<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self(self.0, self.0.$function(self.1, other.1))
+            }
+        }
+    )*};
+}
+
+operators!(Floats: Add add add, Sub sub sub, Mul mul mul, Div div div);
+operators!(Integers: Add add add_integers, Sub sub sub_integers, Mul mul mul_integers);
+operators!(Doubles: Add add add_doubles, Sub sub sub_doubles, Mul mul mul_doubles, Div div div_doubles);
+operators!(Mask: BitAnd bitand and, BitOr bitor or);
+
+impl<S: Simd> Neg for Floats<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self(self.0, self.0.neg(self.1))
+    }
+}
+
+impl<S: Simd> Mul<f32> for Floats<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: f32) -> Self {
+        self * Self::splat(self.0, other)
+    }
+}
+
+impl<S: Simd> Add<f32> for Floats<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: f32) -> Self {
+        self + Self::splat(self.0, other)
+    }
+}
+
+impl<S: Simd> Sub<f32> for Floats<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: f32) -> Self {
+        self - Self::splat(self.0, other)
+    }
+}
+
+impl<S: Simd> Sub<Floats<S>> for f32 {
+    type Output = Floats<S>;
+    #[inline(always)]
+    fn sub(self, other: Floats<S>) -> Floats<S> {
+        Floats::splat(other.0, self) - other
+    }
+}
+
+impl<S: Simd> Div<Floats<S>> for f32 {
+    type Output = Floats<S>;
+    #[inline(always)]
+    fn div(self, other: Floats<S>) -> Floats<S> {
+        Floats::splat(other.0, self) / other
+    }
+}
+
+impl<S: Simd> Floats<S> {
+    /// All lanes the same.
+    #[inline(always)]
+    pub fn splat(s: S, value: f32) -> Self {
+        Self(s, s.splat(value))
+    }
+
+    /// From memory.
+    #[inline(always)]
+    pub fn load(s: S, from: &F8) -> Self {
+        Self(s, s.load(from))
+    }
+
+    /// To memory.
+    #[inline(always)]
+    pub fn store(self) -> F8 {
+        self.0.store(self.1)
+    }
+
+    /// The entries of a table with these indices ([`Simd::gather`]).
+    ///
+    /// # Panics
+    /// Without entries.
+    #[inline(always)]
+    pub fn gather(from: &[f32], indices: Integers<S>) -> Self {
+        Self(indices.0, indices.0.gather(from, indices.1))
+    }
+
+    /// Without sign.
+    #[inline(always)]
+    pub fn abs(self) -> Self {
+        Self(self.0, self.0.abs(self.1))
+    }
+
+    /// √.
+    #[inline(always)]
+    pub fn sqrt(self) -> Self {
+        Self(self.0, self.0.sqrt(self.1))
+    }
+
+    /// `self < other ? self : other`.
+    #[inline(always)]
+    pub fn min(self, other: Self) -> Self {
+        Self(self.0, self.0.min(self.1, other.1))
+    }
+
+    /// `self > other ? self : other`.
+    #[inline(always)]
+    pub fn max(self, other: Self) -> Self {
+        Self(self.0, self.0.max(self.1, other.1))
+    }
+
+    /// Where `self` < `other`; nowhere for NaN.
+    #[inline(always)]
+    pub fn less(self, other: Self) -> Mask<S> {
+        Mask(self.0, self.0.less(self.1, other.1))
+    }
+
+    /// Where `self` ≤ `other`; nowhere for NaN.
+    #[inline(always)]
+    pub fn less_equal(self, other: Self) -> Mask<S> {
+        Mask(self.0, self.0.less_equal(self.1, other.1))
+    }
+
+    /// With the signs of `other`.
+    #[inline(always)]
+    pub fn copysign(self, other: Self) -> Self {
+        let sign = self.0.splat(-0.0);
+        let magnitude = self.0.and_not(sign, self.1);
+        Self(self.0, self.0.or(magnitude, self.0.and(sign, other.1)))
+    }
+
+    /// Exactly.
+    #[inline(always)]
+    pub fn widen(self) -> Doubles<S> {
+        Doubles(self.0, self.0.widen(self.1))
+    }
+
+    /// The same bits.
+    #[inline(always)]
+    pub fn bits(self) -> Integers<S> {
+        Integers(self.0, self.0.bits_of(self.1))
+    }
+}
+
+impl<S: Simd> Integers<S> {
+    /// All lanes the same.
+    #[inline(always)]
+    pub fn splat(s: S, value: u32) -> Self {
+        Self(s, s.splat_integer(value))
+    }
+
+    /// From memory.
+    #[inline(always)]
+    pub fn load(s: S, from: &U8) -> Self {
+        Self(s, s.load_integers(from))
+    }
+
+    /// To memory.
+    #[inline(always)]
+    pub fn store(self) -> U8 {
+        self.0.store_integers(self.1)
+    }
+
+    /// The entries of a table with these indices ([`Simd::gather_integers`]).
+    ///
+    /// # Panics
+    /// Without entries.
+    #[inline(always)]
+    pub fn gather(from: &[u32], indices: Self) -> Self {
+        Self(indices.0, indices.0.gather_integers(from, indices.1))
+    }
+
+    /// << N.
+    #[inline(always)]
+    #[must_use]
+    pub fn shift_left<const N: i32>(self) -> Self {
+        Self(self.0, self.0.shift_left::<N>(self.1))
+    }
+
+    /// >> N.
+    #[inline(always)]
+    #[must_use]
+    pub fn shift_right<const N: i32>(self) -> Self {
+        Self(self.0, self.0.shift_right::<N>(self.1))
+    }
+
+    /// The lowest bit becomes the highest.
+    #[inline(always)]
+    #[must_use]
+    pub fn reverse_bits(self) -> Self {
+        Self(self.0, self.0.reverse_bits(self.1))
+    }
+
+    /// Where both are the same.
+    #[inline(always)]
+    pub fn equal(self, other: Self) -> Mask<S> {
+        Mask(self.0, self.0.equal_integers(self.1, other.1))
+    }
+
+    /// The numbers, of lanes below 2^31.
+    #[inline(always)]
+    pub fn to_floats(self) -> Floats<S> {
+        Floats(self.0, self.0.to_floats(self.1))
+    }
+
+    /// The floats of these bits.
+    #[inline(always)]
+    pub fn as_bits(self) -> Floats<S> {
+        Floats(self.0, self.0.from_bits(self.1))
+    }
+
+    /// `self` where `mask`, else `other`.
+    #[inline(always)]
+    #[must_use]
+    pub fn or_where_not(self, mask: Mask<S>, other: Self) -> Self {
+        mask.select(self.as_bits(), other.as_bits()).bits()
+    }
+}
+
+impl<S: Simd> BitXor for Integers<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn bitxor(self, other: Self) -> Self {
+        Self(self.0, self.0.xor_integers(self.1, other.1))
+    }
+}
+
+impl<S: Simd> BitAnd for Integers<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn bitand(self, other: Self) -> Self {
+        let s = self.0;
+        Self(s, s.bits_of(s.and(s.from_bits(self.1), s.from_bits(other.1))))
+    }
+}
+
+impl<S: Simd> BitOr for Integers<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn bitor(self, other: Self) -> Self {
+        let s = self.0;
+        Self(s, s.bits_of(s.or(s.from_bits(self.1), s.from_bits(other.1))))
+    }
+}
+
+impl<S: Simd> Doubles<S> {
+    /// To the nearest f32.
+    #[inline(always)]
+    pub fn narrow(self) -> Floats<S> {
+        Floats(self.0, self.0.narrow(self.1))
+    }
+
+    /// `self < other ? self : other`.
+    #[inline(always)]
+    #[must_use]
+    pub fn min(self, other: Self) -> Self {
+        Self(self.0, self.0.min_doubles(self.1, other.1))
+    }
+}
+
+impl<S: Simd> Mask<S> {
+    /// The same answer in all lanes.
+    #[inline(always)]
+    pub fn splat(s: S, answer: bool) -> Self {
+        Self(s, s.fill(answer))
+    }
+
+    /// Lanes i where bit i is set.
+    #[inline(always)]
+    pub fn of_bits(s: S, bits: u32) -> Self {
+        let lanes = Integers::load(s, &U8([1, 2, 4, 8, 16, 32, 64, 128]));
+        (Integers::splat(s, bits) & lanes).equal(lanes)
+    }
+
+    /// Bit i for lane i.
+    #[inline(always)]
+    pub fn bits(self) -> u32 {
+        self.0.signs(self.1)
+    }
+
+    /// `a` where so, `b` where not.
+    #[inline(always)]
+    pub fn select(self, a: Floats<S>, b: Floats<S>) -> Floats<S> {
+        Floats(self.0, self.0.select(self.1, a.1, b.1))
+    }
+
+    /// `a` where so, 0 where not.
+    #[inline(always)]
+    pub fn or_zero(self, a: Floats<S>) -> Floats<S> {
+        Floats(self.0, self.0.and(self.1, a.1))
+    }
+
+    /// Those of `self` that are not of `other`.
+    #[inline(always)]
+    #[must_use]
+    pub fn without(self, other: Self) -> Self {
+        Self(self.0, self.0.and_not(other.1, self.1))
+    }
+}
+
+impl<S: Simd> Vectors<S> {
+    /// From components.
+    #[inline(always)]
+    pub fn new(x: Floats<S>, y: Floats<S>, z: Floats<S>) -> Self {
+        Self { x, y, z }
+    }
+
+    /// All lanes the same.
+    #[inline(always)]
+    pub fn splat(s: S, [x, y, z]: [f32; 3]) -> Self {
+        Self::new(Floats::splat(s, x), Floats::splat(s, y), Floats::splat(s, z))
+    }
+
+    /// From memory.
+    #[inline(always)]
+    pub fn load(s: S, [x, y, z]: &[F8; 3]) -> Self {
+        Self::new(Floats::load(s, x), Floats::load(s, y), Floats::load(s, z))
+    }
+
+    /// To memory.
+    #[inline(always)]
+    pub fn store(self) -> [F8; 3] {
+        [self.x.store(), self.y.store(), self.z.store()]
+    }
+
+    /// Three entries of a table from each index on.
+    ///
+    /// # Panics
+    /// Without entries.
+    #[inline(always)]
+    pub fn gather(from: &[f32], first: Integers<S>) -> Self {
+        let at = |i| Floats::gather(from, first + Integers::splat(first.0, i));
+        Self::new(at(0), at(1), at(2))
+    }
+
+    /// Scalar product, added up in order.
+    #[inline(always)]
+    pub fn dot(self, other: Self) -> Floats<S> {
+        self.x * other.x + self.y * other.y + self.z * other.z
+    }
+
+    /// Times a number for each lane.
+    #[inline(always)]
+    #[must_use]
+    pub fn scaled(self, by: Floats<S>) -> Self {
+        Self::new(self.x * by, self.y * by, self.z * by)
+    }
+
+    /// Without signs.
+    #[inline(always)]
+    #[must_use]
+    pub fn abs(self) -> Self {
+        Self::new(self.x.abs(), self.y.abs(), self.z.abs())
+    }
+
+    /// `self` where `mask`, else `other`.
+    #[inline(always)]
+    #[must_use]
+    pub fn or_where_not(self, mask: Mask<S>, other: Self) -> Self {
+        Self::new(mask.select(self.x, other.x), mask.select(self.y, other.y), mask.select(self.z, other.z))
+    }
+
+    /// `self` where `mask`, else 0.
+    #[inline(always)]
+    #[must_use]
+    pub fn or_zero(self, mask: Mask<S>) -> Self {
+        Self::new(mask.or_zero(self.x), mask.or_zero(self.y), mask.or_zero(self.z))
+    }
+
+    /// Where any component is not 0 (or NaN).
+    #[inline(always)]
+    pub fn any(self) -> Mask<S> {
+        let zero = Floats::splat(self.x.0, 0.0);
+        let all = Mask::splat(self.x.0, true);
+        let is = |c: Floats<S>| c.less_equal(zero) & zero.less_equal(c);
+        all.without(is(self.x) & is(self.y) & is(self.z))
+    }
+}
+
+/// Component by component.
+macro_rules! vector_operators {
+    ($($operator:ident $method:ident),*) => {$(
+        impl<S: Simd> $operator for Vectors<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self::new(self.x.$method(other.x), self.y.$method(other.y), self.z.$method(other.z))
+            }
+        }
+    )*};
+}
+
+vector_operators!(Add add, Sub sub, Mul mul);
+
+impl<S: Simd> Neg for Vectors<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self::new(-self.x, -self.y, -self.z)
+    }
+}

@@ -1,0 +1,72 @@
+//! Formulas of [`crate::math`] and its neighbours for eight paths at once, in the same order of operations.
+
+use hotspot_bvh::simd::{Floats, Simd, Vectors};
+
+/// [`crate::math::square_to_cosine_hemisphere`].
+#[inline(always)]
+pub(super) fn square_to_cosine_hemisphere<S: Simd>(s: S, u: Floats<S>, v: Floats<S>) -> Vectors<S> {
+    let zero = Floats::splat(s, 0.0);
+    let two = Floats::splat(s, 2.0);
+    let (a, b) = (two * u - 1.0, two * v - 1.0);
+    let wide = b.abs().less(a.abs());
+    let (radius, other) = (wide.select(a, b), wide.select(b, a));
+    let (sin, cos) = sin_cos_eighth(s, Floats::splat(s, core::f32::consts::FRAC_PI_4) * (other / radius));
+    // At the centre neither is a number.
+    let centre = radius.less_equal(zero) & zero.less_equal(radius);
+    let along = centre.select(zero, radius * cos);
+    let across = centre.select(zero, radius * sin);
+    let (x, y) = (wide.select(along, across), wide.select(across, along));
+    Vectors::new(x, y, (1.0 - x * x - y * y).max(zero).sqrt())
+}
+
+#[inline(always)]
+fn sin_cos_eighth<S: Simd>(s: S, x: Floats<S>) -> (Floats<S>, Floats<S>) {
+    let x2 = x * x;
+    let series = |[a, b, c, d]: [f32; 4]| {
+        Floats::splat(s, 1.0)
+            + x2 * (Floats::splat(s, a) + x2 * (Floats::splat(s, b) + x2 * (Floats::splat(s, c) + x2 * d)))
+    };
+    let sin = x * series([-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0]);
+    (sin, series([-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0]))
+}
+
+/// [`crate::math::square_to_triangle`].
+#[inline(always)]
+pub(crate) fn square_to_triangle<S: Simd>(u: Floats<S>, v: Floats<S>) -> (Floats<S>, Floats<S>) {
+    let above = u.less(v);
+    let half = above.select(u, v) * 0.5;
+    (above.select(half, u - half), above.select(v - half, half))
+}
+
+/// [`crate::math::Frame::to_world`] in the frame around unit normals.
+#[inline(always)]
+pub(super) fn to_world<S: Simd>(s: S, n: Vectors<S>, v: Vectors<S>) -> Vectors<S> {
+    let sign = Floats::splat(s, 1.0).copysign(n.z);
+    let a = Floats::splat(s, -1.0) / (sign + n.z);
+    let b = n.x * n.y * a;
+    let one = Floats::splat(s, 1.0);
+    let tangent = Vectors::new(one + sign * n.x * n.x * a, sign * b, -sign * n.x);
+    let bitangent = Vectors::new(b, sign + n.y * n.y * a, -n.y);
+    tangent.scaled(v.x) + bitangent.scaled(v.y) + n.scaled(v.z)
+}
+
+/// [`crate::math::power_heuristic`].
+#[inline(always)]
+pub(super) fn power_heuristic<S: Simd>(s: S, pdf: Floats<S>, other: Floats<S>) -> Floats<S> {
+    let one = Floats::splat(s, 1.0);
+    let ratio = other / pdf;
+    let infinite = Floats::splat(s, f32::INFINITY).less_equal(pdf);
+    infinite.select(one, one / (one + ratio * ratio))
+}
+
+/// The largest component.
+#[inline(always)]
+pub(super) fn max_element<S: Simd>(v: Vectors<S>) -> Floats<S> {
+    v.x.max(v.y.max(v.z))
+}
+
+/// `a` turned to the side of `towards`: as [`crate::path`] chooses the side that a ray leaves on.
+#[inline(always)]
+pub(super) fn facing<S: Simd>(s: S, a: Vectors<S>, towards: Vectors<S>) -> Vectors<S> {
+    (-a).or_where_not(towards.dot(a).less(Floats::splat(s, 0.0)), a)
+}

@@ -1,0 +1,176 @@
+//! Eight paths at once through scenes of few matte triangles.
+//!
+//! In a scene of some dozens of triangles a ray is cheap, and what is not tracing (sampler, light, BSDF, the ray's set-up) is more than half
+//! of a path. So there the samples that are not counted are traced eight at a time, one in each lane of a vector: rays try all triangles
+//! ([`hotspot_bvh::few`]), and as a path ends its lane takes the next sample of the tile ([`path`]). Each formula is that of the single path
+//! ([`crate::path`]), in the same order of operations, so pictures are the same bit for bit.
+//!
+//! Counted samples go one by one: what is counted are visits of the tree.
+
+pub(crate) mod math;
+mod path;
+mod sampler;
+
+use crate::camera::FilmCamera;
+use crate::class::SceneClass;
+use crate::geometry::{SurfacePoint, SurfaceTriangle};
+use crate::light::LightLanes;
+use crate::scene::RenderScene;
+use glam::Vec3;
+use hotspot_bvh::few::FewTriangles;
+use hotspot_bvh::simd::{F8, Floats, Integers, Simd, Vectors};
+use hotspot_scene::Bsdf;
+pub(crate) use path::{SampleList, View, trace_samples};
+
+/// A scene whose paths can go eight at a time.
+#[derive(Clone, Debug)]
+pub(crate) struct SmallScene {
+    few: FewTriangles,
+    lights: LightLanes,
+    /// Of each triangle, by its number.
+    points: PointTables,
+    least_height: Vec<f32>,
+    reflectance: Vec<f32>,
+    emission: Vec<f32>,
+    light_pdf_area: Vec<f32>,
+    /// 1 where both sides emit.
+    two_sided: Vec<u32>,
+    /// Corner by corner; empty where no surface has normals of its own.
+    normals: Vec<f32>,
+    /// 1 where the surface has normals of its own.
+    smooth: Vec<u32>,
+}
+
+impl SmallScene {
+    /// `None` unless the scene has at most [`FewTriangles::MOST`] triangles, of regular shape and matte without textures, lit by a few
+    /// of them alone.
+    pub(crate) fn new(scene: &RenderScene, camera: &FilmCamera) -> Option<Self> {
+        let geometry = &scene.geometry;
+        if scene.class() != SceneClass::Matte || geometry.triangles.len() > FewTriangles::MOST {
+            return None;
+        }
+        let lights = LightLanes::new(&scene.lights, geometry, &scene.materials)?;
+        let few = FewTriangles::new(&geometry.triangles, camera.reach())?;
+        let all = 0..geometry.triangles.len() as u32;
+        let material = |t: u32| &scene.materials[geometry.part(t).material as usize];
+        let reflectance = |t: u32| match &material(t).bsdf {
+            Bsdf::Matte { reflectance } => reflectance.factor,
+            _ => [0.0; 3],
+        };
+        let normals: Vec<Option<[Vec3; 3]>> = all.clone().map(|t| geometry.corner_normals(t)).collect();
+        let smooth = normals.iter().any(Option::is_some);
+        Some(Self {
+            few,
+            lights,
+            points: PointTables::new(geometry.triangles.iter()),
+            least_height: geometry.least_heights().to_vec(),
+            reflectance: all.clone().flat_map(reflectance).collect(),
+            emission: all.clone().flat_map(|t| material(t).emission.factor).collect(),
+            light_pdf_area: all.clone().map(|t| geometry.part(t).light_pdf_area).collect(),
+            two_sided: all.map(|t| u32::from(material(t).double_sided)).collect(),
+            smooth: normals.iter().map(|n| u32::from(n.is_some())).collect(),
+            normals: if smooth {
+                normals.iter().flat_map(|n| n.unwrap_or([Vec3::ZERO; 3])).flat_map(|n| n.to_array()).collect()
+            } else {
+                Vec::new()
+            },
+        })
+    }
+}
+
+/// Triangles on which points are wanted, in tables.
+#[derive(Clone, Debug)]
+pub(crate) struct PointTables {
+    /// Corner by corner.
+    corners: Vec<f32>,
+    /// [`SurfaceTriangle::error`].
+    errors: Vec<f32>,
+}
+
+/// [`SurfacePoint`]s in lanes.
+#[derive(Clone, Copy)]
+pub(crate) struct PointLanes<S: Simd> {
+    pub(crate) p: Vectors<S>,
+    pub(crate) error: Vectors<S>,
+}
+
+impl PointTables {
+    pub(crate) fn new<'a>(triangles: impl Iterator<Item = &'a [[f32; 3]; 3]> + Clone) -> Self {
+        Self {
+            corners: triangles.clone().flatten().flatten().copied().collect(),
+            errors: triangles.flat_map(|triangle| SurfaceTriangle::new(triangle).error).collect(),
+        }
+    }
+
+    /// First corners.
+    #[inline(always)]
+    pub(crate) fn corner<S: Simd>(&self, triangle: Integers<S>) -> Vectors<S> {
+        Vectors::gather(&self.corners, triangle.shift_left::<3>() + triangle)
+    }
+
+    /// [`SurfaceTriangle::point`].
+    #[inline(always)]
+    pub(crate) fn point<S: Simd>(
+        &self,
+        s: S,
+        triangle: Integers<S>,
+        u: Floats<S>,
+        v: Floats<S>,
+    ) -> PointLanes<S> {
+        let first = triangle.shift_left::<3>() + triangle;
+        let corner = |i| Vectors::gather(&self.corners, first + Integers::splat(s, i));
+        let [a, b, c] = [corner(0), corner(3), corner(6)];
+        let errors = Vectors::gather(&self.errors, triangle.shift_left::<1>() + triangle);
+        let (u, v) = (u.widen(), v.widen());
+        let axis = |a: Floats<S>, b: Floats<S>, c: Floats<S>| {
+            let a = a.widen();
+            (a + (b.widen() - a) * u + (c.widen() - a) * v).narrow()
+        };
+        let p = Vectors::new(axis(a.x, b.x, c.x), axis(a.y, b.y, c.y), axis(a.z, b.z, c.z));
+        let error = p.abs().scaled(Floats::splat(s, 3.0 * (0.5 * f32::EPSILON))) + errors;
+        PointLanes { p, error }
+    }
+}
+
+impl<S: Simd> PointLanes<S> {
+    /// With lanes `bits` replaced one by one.
+    #[inline(always)]
+    pub(crate) fn replaced(self, s: S, mut bits: u32, by: impl Fn(usize) -> SurfacePoint) -> Self {
+        let (mut p, mut error) = (self.p.store(), self.error.store());
+        while bits != 0 {
+            let lane = bits.trailing_zeros() as usize & 7;
+            bits &= bits - 1;
+            let point = by(lane);
+            set(&mut p, lane, point.p.to_array());
+            set(&mut error, lane, point.error.to_array());
+        }
+        Self { p: Vectors::load(s, &p), error: Vectors::load(s, &error) }
+    }
+
+    /// [`SurfacePoint::leave`].
+    #[inline(always)]
+    fn leave(&self, normal: Vectors<S>) -> Vectors<S> {
+        self.p + normal.scaled(normal.abs().dot(self.error))
+    }
+
+    /// [`SurfacePoint::meet`].
+    #[inline(always)]
+    fn meet(&self, s: S, normal: Vectors<S>, origin: Vectors<S>) -> Vectors<S> {
+        let reach = (self.p - origin).abs().scaled(Floats::splat(s, 5.0 * 0.5 * f32::EPSILON));
+        self.p + normal.scaled(normal.abs().dot(self.error + reach))
+    }
+
+    /// [`SurfacePoint::margin`].
+    #[inline(always)]
+    fn margin(&self, s: S) -> Floats<S> {
+        Floats::splat(s, 2.0) * self.error.dot(self.error).sqrt()
+    }
+}
+
+/// Sets a lane.
+#[inline(always)]
+fn set(vectors: &mut [F8; 3], lane: usize, [x, y, z]: [f32; 3]) {
+    vectors[0].0[lane] = x;
+    vectors[1].0[lane] = y;
+    vectors[2].0[lane] = z;
+}

@@ -1,0 +1,427 @@
+//! The path loop in lanes: [`crate::path::trace`] of a matte scene, for eight samples at once.
+//!
+//! A lane whose path ends takes the next sample, so lanes stay busy to the end of the list. What every lane can do is done for all of them;
+//! what few need (doubtful rays, points at edges) is done one by one, by the same code as for single paths.
+
+use super::math::{facing, max_element, power_heuristic, square_to_cosine_hemisphere, to_world};
+use super::sampler::{Points, table};
+use super::{PointLanes, SmallScene, set};
+use crate::camera::FilmCamera;
+use crate::math::FRAC_1_PI;
+use crate::path::PathSettings;
+use crate::roulette::LEAST_BASE;
+use crate::scene::RenderScene;
+use hotspot_bvh::few::{Hits, Rays};
+use hotspot_bvh::simd::{Floats, Integers, Mask, Simd, U8, Vectors};
+use hotspot_bvh::{NoProbe, Ray};
+use hotspot_probe::NONE;
+
+/// Samples to take.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SampleList {
+    /// [`pixel_key`](crate::sampler::pixel_key) of each, and which sample of it: below 2^16.
+    key: Vec<u32>,
+    index: Vec<u32>,
+    x: Vec<u32>,
+    y: Vec<u32>,
+}
+
+impl SampleList {
+    pub(crate) fn clear(&mut self) {
+        for list in [&mut self.key, &mut self.index, &mut self.x, &mut self.y] {
+            list.clear();
+        }
+    }
+
+    pub(crate) fn push(&mut self, key: u32, (x, y): (u32, u32), index: u32) {
+        self.key.push(key);
+        self.index.push(index);
+        self.x.push(x);
+        self.y.push(y);
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.key.len()
+    }
+}
+
+/// What all paths share.
+pub(crate) struct View<'a> {
+    pub(crate) scene: &'a RenderScene,
+    pub(crate) small: &'a SmallScene,
+    pub(crate) camera: &'a FilmCamera,
+    /// Of the film, in pixels.
+    pub(crate) size: (u32, u32),
+    pub(crate) settings: &'a PathSettings<'a>,
+}
+
+/// Eight paths under way.
+#[derive(Clone, Copy)]
+struct Paths<S: Simd> {
+    rays: Rays<S>,
+    /// The triangle that the ray leaves.
+    from: Integers<S>,
+    radiance: Vectors<S>,
+    throughput: Vectors<S>,
+    survival_scale: Floats<S>,
+    /// BSDF pdf of the present direction; infinite from the camera.
+    scattered_pdf: Floats<S>,
+    bounces: Integers<S>,
+    /// Two numbers for the light sample at the next vertex.
+    light: [Floats<S>; 2],
+    points: Points<S>,
+    /// Which of the list they are.
+    number: Integers<S>,
+}
+
+/// A vertex of each path.
+struct Vertex<S: Simd> {
+    primitive: Integers<S>,
+    geometric: Vectors<S>,
+    /// Shading normal on the path's side.
+    normal: Vectors<S>,
+    /// Cosine of it with where the path came from.
+    cos_wo: Floats<S>,
+    point: PointLanes<S>,
+    reflectance: Vectors<S>,
+}
+
+/// Takes all samples of a list; their radiance goes to `found`, in the list's order.
+#[inline(always)]
+pub(crate) fn trace_samples<S: Simd>(s: S, view: &View<'_>, list: &SampleList, found: &mut Vec<[f32; 3]>) {
+    found.clear();
+    found.resize(list.len(), [0.0; 3]);
+    let mut next = 0usize;
+    let mut alive = 0u32;
+    let mut paths = Paths::<S>::none(s);
+    loop {
+        if alive != 0xff && next < list.len() {
+            let (numbers, starting) = numbers(!alive & 0xff, &mut next, list.len());
+            let fresh = Paths::starting(s, view, list, Integers::load(s, &numbers));
+            paths = fresh.or_where_not(Mask::of_bits(s, starting), &paths);
+            alive |= starting;
+        }
+        if alive == 0 {
+            return;
+        }
+        let before = alive;
+        alive = paths.step(s, view, alive);
+        let ended = before & !alive;
+        if ended != 0 {
+            let (numbers, radiance) = (paths.number.store(), paths.radiance.store());
+            let mut left = ended;
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize & 7;
+                left &= left - 1;
+                found[numbers.0[lane] as usize] = [0, 1, 2].map(
+                    #[inline(always)]
+                    |i: usize| radiance[i].0[lane],
+                );
+            }
+        }
+    }
+}
+
+/// The next numbers of a list for the lanes `free`, and the lanes that got one.
+#[inline(always)]
+fn numbers(free: u32, next: &mut usize, len: usize) -> (U8, u32) {
+    let mut numbers = U8([0; 8]);
+    let mut starting = 0;
+    for (lane, number) in numbers.0.iter_mut().enumerate() {
+        let takes = free >> lane & 1 != 0 && *next < len;
+        *number = *next as u32;
+        *next += usize::from(takes);
+        starting |= u32::from(takes) << lane;
+    }
+    (numbers, starting)
+}
+
+impl<S: Simd> Paths<S> {
+    /// In place of paths.
+    #[inline(always)]
+    fn none(s: S) -> Self {
+        let (zero, none) = (Vectors::splat(s, [0.0; 3]), Integers::splat(s, NONE));
+        let points = Points { key: none, index: none, table: table() };
+        Self {
+            rays: Rays { origin: zero, direction: zero },
+            from: none,
+            radiance: zero,
+            throughput: zero,
+            survival_scale: zero.x,
+            scattered_pdf: zero.x,
+            bounces: none,
+            light: [zero.x; 2],
+            points,
+            number: none,
+        }
+    }
+
+    /// At the camera.
+    #[inline(always)]
+    fn starting(s: S, view: &View<'_>, list: &SampleList, number: Integers<S>) -> Self {
+        let of = |list: &[u32]| Integers::gather(list, number);
+        let points = Points { key: of(&list.key), index: of(&list.index), table: table() };
+        let [u, v, light @ ..] = points.camera(s);
+        let rays = view.camera.rays(s, [of(&list.x), of(&list.y)], [u, v], view.size);
+        let one = Floats::splat(s, 1.0);
+        Self {
+            rays,
+            from: Integers::splat(s, NONE),
+            radiance: Vectors::splat(s, [0.0; 3]),
+            throughput: Vectors::splat(s, [1.0; 3]),
+            survival_scale: one,
+            scattered_pdf: Floats::splat(s, f32::INFINITY),
+            bounces: Integers::splat(s, 0),
+            light,
+            points,
+            number,
+        }
+    }
+
+    /// `self` where `mask`, else `other`.
+    #[inline(always)]
+    fn or_where_not(self, mask: Mask<S>, other: &Self) -> Self {
+        let vectors = |a: Vectors<S>, b: Vectors<S>| a.or_where_not(mask, b);
+        let floats = |a, b| mask.select(a, b);
+        let integers = |a: Integers<S>, b: Integers<S>| a.or_where_not(mask, b);
+        Self {
+            rays: Rays {
+                origin: vectors(self.rays.origin, other.rays.origin),
+                direction: vectors(self.rays.direction, other.rays.direction),
+            },
+            from: integers(self.from, other.from),
+            radiance: vectors(self.radiance, other.radiance),
+            throughput: vectors(self.throughput, other.throughput),
+            survival_scale: floats(self.survival_scale, other.survival_scale),
+            scattered_pdf: floats(self.scattered_pdf, other.scattered_pdf),
+            bounces: integers(self.bounces, other.bounces),
+            light: [floats(self.light[0], other.light[0]), floats(self.light[1], other.light[1])],
+            points: Points {
+                key: integers(self.points.key, other.points.key),
+                index: integers(self.points.index, other.points.index),
+                table: self.points.table,
+            },
+            number: integers(self.number, other.number),
+        }
+    }
+
+    /// One segment further: from the present rays to their hits, and on. The lanes that go on.
+    #[inline(always)]
+    fn step(&mut self, s: S, view: &View<'_>, mut alive: u32) -> u32 {
+        let small = view.small;
+        let (zero, number) = (Floats::splat(s, 0.0), |n| Integers::splat(s, n));
+        let mut hits = small.few.closest_hits(s, &self.rays, self.from, alive);
+        if hits.doubtful != 0 {
+            hits = hits_of_doubtful(s, view, self, &hits);
+        }
+        alive &= hits.found;
+        let primitive = hits.primitive;
+        let three = primitive.shift_left::<1>() + primitive;
+        let geometric = hits.normal;
+        let wo = -self.rays.direction;
+
+        // Light of the surface itself.
+        let pdf_area = Floats::gather(&small.light_pdf_area, primitive);
+        let cos = wo.dot(geometric);
+        if zero.less(pdf_area).bits() & alive != 0 {
+            let both = Integers::gather(&small.two_sided, primitive).equal(number(1));
+            let shows = zero.less(cos) | (both & cos.less(zero));
+            let shines = zero.less(pdf_area) & shows & Mask::of_bits(s, alive);
+            let light_pdf = pdf_area * (hits.t * hits.t) / cos.abs();
+            let emission = Vectors::gather(&small.emission, three);
+            let weight = power_heuristic(s, self.scattered_pdf, light_pdf);
+            let found = (self.throughput * emission).scaled(weight);
+            self.radiance = (self.radiance + found).or_where_not(shines, self.radiance);
+        }
+        alive &= !self.bounces.equal(number(view.settings.max_depth)).bits();
+        if alive == 0 {
+            return 0;
+        }
+
+        let smooth = self.shading_normals(s, small, &hits);
+        let front = zero.less_equal(wo.dot(smooth));
+        let normal = smooth.or_where_not(front, -smooth);
+        let mut point = small.points.point(s, primitive, hits.u, hits.v);
+        let least =
+            hits.u.min(hits.v).min(1.0 - hits.u - hits.v) * Floats::gather(&small.least_height, primitive);
+        let at_edge = least.less(point.margin(s)).bits() & alive;
+        if at_edge != 0 {
+            let (primitive, u, v) = (primitive.store(), hits.u.store(), hits.v.store());
+            point = point.replaced(s, at_edge, |lane| {
+                let surface = view.scene.geometry.world_surface(primitive.0[lane]);
+                view.scene.geometry.point(surface, u.0[lane], v.0[lane])
+            });
+        }
+        let reflectance = Vectors::gather(&small.reflectance, three);
+        let vertex = Vertex { primitive, geometric, normal, cos_wo: wo.dot(normal), point, reflectance };
+        self.add_direct_light(s, view, &vertex, alive);
+
+        // The BSDF's direction.
+        let following = self.bounces + number(1);
+        let [u, v, light @ ..] = self.points.segment(s, following);
+        let local = square_to_cosine_hemisphere(s, u, v);
+        let pdf = Floats::splat(s, FRAC_1_PI) * local.z;
+        alive &= (zero.less(pdf) & reflectance.any()).bits();
+        self.throughput = self.throughput * reflectance;
+        let at_first = self.bounces.equal(number(0));
+        if let Some(gain) = view.settings.roulette.gain
+            && at_first.bits() & alive != 0
+        {
+            let weight = max_element(self.throughput) * self.survival_scale;
+            let least = Floats::splat(s, LEAST_BASE);
+            let relative = Floats::splat(s, gain) / weight.max(least);
+            self.survival_scale = at_first.select(self.survival_scale * relative, self.survival_scale);
+        }
+        alive = self.survivors(s, view.settings.roulette.from, alive);
+
+        let wi = to_world(s, normal, local);
+        let origin = point.leave(facing(s, geometric, wi));
+        self.rays = Rays { origin, direction: wi };
+        self.from = primitive;
+        self.scattered_pdf = pdf;
+        self.bounces = following;
+        self.light = light;
+        alive
+    }
+
+    /// Roulette: the lanes that survive, with what makes up for the others.
+    #[inline(always)]
+    fn survivors(&mut self, s: S, from: u32, alive: u32) -> u32 {
+        let one = Floats::splat(s, 1.0);
+        // Bounces are far below 2^24, so as floats they compare as they are.
+        let due = Floats::splat(s, from as f32).less_equal(self.bounces.to_floats());
+        let survival = max_element(self.throughput) * self.survival_scale;
+        let risky = due & survival.less(one);
+        if risky.bits() & alive == 0 {
+            return alive;
+        }
+        let survival = survival.min(Floats::splat(s, 0.95));
+        let ends = risky & survival.less_equal(self.points.roulette(s, self.bounces));
+        let Vectors { x, y, z } = self.throughput;
+        let made_up = Vectors::new(x / survival, y / survival, z / survival);
+        self.throughput = made_up.or_where_not(risky, self.throughput);
+        alive & !ends.bits()
+    }
+
+    /// [`Geometry::normal`](crate::geometry::Geometry::normal).
+    #[inline(always)]
+    fn shading_normals(&self, s: S, small: &SmallScene, hits: &Hits<S>) -> Vectors<S> {
+        if small.normals.is_empty() {
+            return hits.normal;
+        }
+        let first = hits.primitive.shift_left::<3>() + hits.primitive;
+        let n = |i| Vectors::gather(&small.normals, first + Integers::splat(s, i));
+        let normal = n(0).scaled(1.0 - hits.u - hits.v) + n(3).scaled(hits.u) + n(6).scaled(hits.v);
+        let reciprocal = 1.0 / normal.dot(normal).sqrt();
+        let infinite = Floats::splat(s, f32::INFINITY);
+        let whole = Floats::splat(s, 0.0).less(reciprocal) & reciprocal.less(infinite);
+        let has = Integers::gather(&small.smooth, hits.primitive).equal(Integers::splat(s, 1));
+        normal.scaled(reciprocal).or_where_not(whole & has, hits.normal)
+    }
+
+    /// The light-sampled half of direct light.
+    #[inline(always)]
+    fn add_direct_light(&mut self, s: S, view: &View<'_>, vertex: &Vertex<S>, alive: u32) {
+        let zero = Floats::splat(s, 0.0);
+        let lights = &view.small.lights;
+        let light = lights.sample(s, &view.scene.lights, vertex.point.p, self.light, alive);
+        let cos = light.wi.dot(vertex.normal);
+        let pdf = Floats::splat(s, FRAC_1_PI) * cos;
+        let f_cos = vertex.reflectance.scaled(pdf);
+        let both = Integers::gather(&view.small.two_sided, light.primitive).equal(Integers::splat(s, 1));
+        let emits = zero.less(light.cos) | (both & light.cos.less(zero));
+        let lit = zero.less(cos) & zero.less(vertex.cos_wo) & f_cos.any() & emits & light.emission.any();
+        let lit = light.there & lit.bits();
+        if lit == 0 {
+            return;
+        }
+        let origin = vertex.point.leave(facing(s, vertex.geometric, light.wi));
+        let towards = (-light.normal).or_where_not(light.cos.less(zero), light.normal);
+        let target = light.point.meet(s, towards, origin);
+        let rays = Rays { origin, direction: target - origin };
+        let ends = [vertex.primitive, light.primitive];
+        let blocked = view.small.few.blocked(s, &rays, ends, lit);
+        let mut dark = blocked.surely;
+        if blocked.doubtful != 0 {
+            dark |= blocked_of_doubtful(s, view, &rays, ends, blocked.doubtful);
+        }
+        let weight = power_heuristic(s, light.pdf, pdf) / light.pdf;
+        let direct = (f_cos * light.emission).scaled(weight);
+        let found = self.radiance + self.throughput * direct;
+        self.radiance = found.or_where_not(Mask::of_bits(s, lit & !dark), self.radiance);
+    }
+}
+
+/// Lanes of rays, as single rays.
+#[inline(always)]
+fn single_rays<S: Simd>(rays: &Rays<S>) -> impl Fn(usize) -> Ray {
+    let (origin, direction) = (rays.origin.store(), rays.direction.store());
+    move |lane| Ray::new([0, 1, 2].map(|i| origin[i].0[lane]), [0, 1, 2].map(|i| direction[i].0[lane]))
+}
+
+/// Hits with those of doubtful rays, from the tree.
+#[cold]
+#[inline(never)]
+fn hits_of_doubtful<S: Simd>(s: S, view: &View<'_>, paths: &Paths<S>, hits: &Hits<S>) -> Hits<S> {
+    s.vectorize(
+        #[inline(always)]
+        || {
+            let ray = single_rays(&paths.rays);
+            let from = paths.from.store();
+            let [mut t, mut u, mut v] = [hits.t, hits.u, hits.v].map(Floats::store);
+            let (mut primitive, mut normal) = (hits.primitive.store(), hits.normal.store());
+            let mut found = hits.found;
+            let mut left = hits.doubtful;
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize & 7;
+                left &= left - 1;
+                let hit = view.scene.bvh.closest_hit_flat(s, &ray(lane), [from.0[lane]], NoProbe);
+                if let Some(hit) = hit {
+                    found |= 1 << lane;
+                    (t.0[lane], u.0[lane], v.0[lane]) = (hit.t, hit.u, hit.v);
+                    primitive.0[lane] = hit.primitive;
+                    set(&mut normal, lane, hit.normal);
+                }
+            }
+            let [t, u, v] = [t, u, v].map(|f| Floats::load(s, &f));
+            Hits {
+                found,
+                doubtful: 0,
+                primitive: Integers::load(s, &primitive),
+                t,
+                u,
+                v,
+                normal: Vectors::load(s, &normal),
+            }
+        },
+    )
+}
+
+/// The doubtful rays that the tree says are blocked.
+#[cold]
+#[inline(never)]
+fn blocked_of_doubtful<S: Simd>(
+    s: S,
+    view: &View<'_>,
+    rays: &Rays<S>,
+    ends: [Integers<S>; 2],
+    doubtful: u32,
+) -> u32 {
+    s.vectorize(
+        #[inline(always)]
+        || {
+            let ray = single_rays(rays);
+            let [from, to] = ends.map(Integers::store);
+            let mut blocked = 0;
+            let mut left = doubtful;
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize & 7;
+                left &= left - 1;
+                let ray = Ray { t_max: 1.0, ..ray(lane) };
+                let ends = [from.0[lane], to.0[lane]];
+                blocked |= u32::from(view.scene.bvh.occluded_flat(s, &ray, ends, NoProbe)) << lane;
+            }
+            blocked
+        },
+    )
+}

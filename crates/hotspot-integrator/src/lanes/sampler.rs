@@ -1,0 +1,156 @@
+//! Sample points of eight paths at once, each of its own pixel, sample and vertex: those of [`crate::sampler`], bit for bit.
+
+use crate::sampler::{DIMENSIONS, ROW, TABLES, TOGETHER};
+use hotspot_bvh::simd::{Floats, Integers, Simd};
+
+/// Which points, lane by lane: a pixel's key, and the number of the sample (below 2^16).
+#[derive(Clone, Copy)]
+pub(super) struct Points<S: Simd> {
+    pub(super) key: Integers<S>,
+    pub(super) index: Integers<S>,
+    pub(super) table: &'static [u32],
+}
+
+/// The table of unscrambled points.
+pub(super) fn table() -> &'static [u32] {
+    TABLES.as_flattened().as_flattened().as_flattened()
+}
+
+impl<S: Simd> Points<S> {
+    /// The four numbers of the segment that leads to each lane's vertex; `vertex` at least 1.
+    #[inline(always)]
+    pub(super) fn segment(self, s: S, vertex: Integers<S>) -> [Floats<S>; 4] {
+        let number = |n| Integers::splat(s, n);
+        // As `sequence` has it.
+        let place = (vertex - number(1)) & number(TOGETHER - 1);
+        let set = vertex.shift_left::<1>();
+        let order = set - place.shift_left::<1>();
+        let rows = self.rows(s, place.shift_left::<11>(), order);
+        let base = self.base(s, set);
+        core::array::from_fn(
+            #[inline(always)]
+            |d| self.dimension(s, rows, base, d),
+        )
+    }
+
+    /// The four numbers of the camera's segment.
+    #[inline(always)]
+    pub(super) fn camera(self, s: S) -> [Floats<S>; 4] {
+        let zero = Integers::splat(s, 0);
+        let (rows, base) = (self.rows(s, zero, zero), self.base(s, zero));
+        core::array::from_fn(
+            #[inline(always)]
+            |d| self.dimension(s, rows, base, d),
+        )
+    }
+
+    /// The number for roulette at a vertex.
+    #[inline(always)]
+    pub(super) fn roulette(self, s: S, vertex: Integers<S>) -> Floats<S> {
+        let set = vertex.shift_left::<1>() + Integers::splat(s, 1);
+        self.dimension(s, self.rows(s, Integers::splat(s, 0), set), self.base(s, set), 1)
+    }
+
+    #[inline(always)]
+    fn seed(self, s: S, set: Integers<S>) -> Integers<S> {
+        mix(s, self.key ^ (set * Integers::splat(s, 0x9e37_79b9)))
+    }
+
+    /// What the dimensions of a set are hashed with.
+    #[inline(always)]
+    fn base(self, s: S, set: Integers<S>) -> Integers<S> {
+        self.seed(s, set) * Integers::splat(s, 0x9c8f_2d3b)
+    }
+
+    /// Where the two rows of the samples' unscrambled points begin, in the order of set `order`; `table`: where that begins.
+    #[inline(always)]
+    fn rows(self, s: S, table: Integers<S>, order: Integers<S>) -> [Integers<S>; 2] {
+        let scramble = hash(s, self.seed(s, order) ^ Integers::splat(s, 0x79c6_8e4a));
+        let index = owen_scramble(s, self.index.reverse_bits(), scramble);
+        let byte = |index: Integers<S>| (index & Integers::splat(s, 0xff)).shift_left::<2>();
+        let low = Integers::splat(s, ROW) + byte(index.shift_right::<16>());
+        [table + byte(index.shift_right::<24>()), table + low]
+    }
+
+    #[inline(always)]
+    fn dimension(self, s: S, rows: [Integers<S>; 2], base: Integers<S>, d: usize) -> Floats<S> {
+        let [high, low] = rows.map(
+            #[inline(always)]
+            |row| Integers::gather(self.table, row + Integers::splat(s, d as u32)),
+        );
+        let scramble = hash(s, Integers::splat(s, DIMENSIONS[d]) ^ base);
+        let bits = owen_scramble(s, high ^ low, scramble).reverse_bits();
+        (bits.shift_right::<9>() | Integers::splat(s, 0x3f80_0000)).as_bits() - 1.0
+    }
+}
+
+/// [`crate::sampler::mix`].
+#[inline(always)]
+fn mix<S: Simd>(s: S, x: Integers<S>) -> Integers<S> {
+    let number = |n| Integers::splat(s, n);
+    let x = (x ^ x.shift_right::<16>()) * number(0x7feb_352d);
+    let x = (x ^ x.shift_right::<15>()) * number(0x846c_a68b);
+    x ^ x.shift_right::<16>()
+}
+
+/// `sobol_burley::parts::hash`.
+#[inline(always)]
+fn hash<S: Simd>(s: S, x: Integers<S>) -> Integers<S> {
+    mix(s, x ^ Integers::splat(s, 0xe6fe_3beb))
+}
+
+/// `sobol_burley::parts::owen_scramble_rev`.
+#[inline(always)]
+fn owen_scramble<S: Simd>(s: S, x: Integers<S>, scramble: Integers<S>) -> Integers<S> {
+    let number = |n| Integers::splat(s, n);
+    let x = x ^ (x * number(0x3d20_adea));
+    let x = (x + scramble) * (scramble.shift_right::<16>() | number(1));
+    let x = x ^ (x * number(0x0552_6c56));
+    x ^ (x * number(0x53a2_2864))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::{Dimensions, PixelSampler, SamplerKind};
+    use hotspot_bvh::simd::{Isa, U8, WithSimd, dispatch};
+
+    struct Numbers([u32; 8], [u32; 8], [u32; 8]);
+
+    impl WithSimd for Numbers {
+        type Output = [[f32; 8]; 9];
+        #[inline(always)]
+        fn run<S: Simd>(self, s: S) -> Self::Output {
+            let [key, index, vertex] = [self.0, self.1, self.2].map(|n| Integers::load(s, &U8(n)));
+            let points = Points { key, index, table: table() };
+            let [a, b, c, d] = points.segment(s, vertex);
+            let [e, f, g, h] = points.camera(s);
+            [a, b, c, d, e, f, g, h, points.roulette(s, vertex)].map(|n| n.store().0)
+        }
+    }
+
+    #[test]
+    fn the_numbers_are_those_of_single_paths() {
+        for isa in [Isa::Auto, Isa::Portable] {
+            for round in 0..200u32 {
+                let of = |lane: usize| round * 8 + lane as u32;
+                let pixels: [PixelSampler; 8] = core::array::from_fn(|lane| {
+                    PixelSampler::new(SamplerKind::Sobol, of(lane), 3 * of(lane), round & 1, 77)
+                });
+                let index = core::array::from_fn(|lane| of(lane).wrapping_mul(40_503) & 0xffff);
+                let vertex = core::array::from_fn(|lane| 1 + of(lane) % 23);
+                let key = core::array::from_fn(|lane| pixels[lane].key());
+                let numbers = dispatch(isa, Numbers(key, index, vertex));
+                for lane in 0..8 {
+                    let sampler = pixels[lane].sample(index[lane].into());
+                    let segment = sampler.get(Dimensions::segment(vertex[lane]));
+                    let camera = sampler.get(Dimensions::segment(0));
+                    let roulette = sampler.get(Dimensions::choices(vertex[lane]))[1];
+                    let expected = [segment, camera].concat();
+                    let found: Vec<f32> = numbers[..8].iter().map(|n| n[lane]).collect();
+                    assert_eq!((found, numbers[8][lane]), (expected, roulette), "round {round}, lane {lane}");
+                }
+            }
+        }
+    }
+}
