@@ -36,7 +36,7 @@ type Equation = [F8; 4];
 /// One triangle, or two that make up a parallelogram. All lanes of its vectors are the same.
 #[derive(Clone, Debug)]
 struct Face {
-    /// Minus the height above the plane.
+    /// Height above the plane.
     plane: Equation,
     /// Distance from two edges: the first and last of a single triangle, two that are not parallel of a parallelogram.
     edges: [Equation; 2],
@@ -163,7 +163,7 @@ impl FewTriangles {
             nearest.try_face::<false>(s, &scaled, face, from, active);
         }
         let doubtful = (nearest.doubtful | !scaled.within.bits()) & active;
-        let none = nearest.primitive.equal(Integers::splat(s, NONE)).bits();
+        let none = nearest.primitive.is(NONE).bits();
         let found = active & !doubtful & !none;
         let [t, u, v] = self.details(s, rays, nearest.primitive);
         let three = nearest.primitive + nearest.primitive.shift_left::<1>();
@@ -197,48 +197,31 @@ impl FewTriangles {
     fn details<S: Simd>(&self, s: S, rays: &Rays<S>, primitive: Integers<S>) -> [Floats<S>; 3] {
         let (o, d) = (rays.origin, rays.direction);
         let first = primitive.shift_left::<3>() + primitive;
-        let corner = |i| Vectors::gather(&self.corners, first + Integers::splat(s, i));
-        let [a, b, c] = [corner(0), corner(3), corner(6)];
+        let a = Vectors::gather(&self.corners, first);
+        let b = Vectors::gather(&self.corners, first + 3);
+        let c = Vectors::gather(&self.corners, first + 6);
 
         // The triangle's box, as `slab_interval` has it.
-        let axis = |a: Floats<S>, b: Floats<S>, c: Floats<S>, o: Floats<S>, d: Floats<S>| {
-            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-            let inverse = 1.0 / d;
-            let down = d.bits().shift_right::<31>().equal(Integers::splat(s, 1));
-            let plane = |bound: Floats<S>| (bound - o) * inverse;
-            (plane(down.select(high, low)), plane(down.select(low, high)))
-        };
-        let (near_x, far_x) = axis(a.x, b.x, c.x, o.x, d.x);
-        let (near_y, far_y) = axis(a.y, b.y, c.y, o.y, d.y);
-        let (near_z, far_z) = axis(a.z, b.z, c.z, o.z, d.z);
+        let (near_x, far_x) = slab([a.x, b.x, c.x], o.x, d.x);
+        let (near_y, far_y) = slab([a.y, b.y, c.y], o.y, d.y);
+        let (near_z, far_z) = slab([a.z, b.z, c.z], o.z, d.z);
         let enter = near_z.max(near_y.max(near_x.max(Floats::splat(s, 0.0))));
         let leave = far_z.min(far_y.min(far_x.min(Floats::splat(s, f32::INFINITY))));
 
-        let wide = |v: Vectors<S>| [v.x.widen(), v.y.widen(), v.z.widen()];
-        let (corner, o64) = (wide(a), wide(o));
-        let from_corner = |p: Vectors<S>| {
-            let p = wide(p);
-            [p[0] - corner[0], p[1] - corner[1], p[2] - corner[2]]
-        };
-        let (e1, e2) = (from_corner(b), from_corner(c));
+        let corner = widened(a);
+        let (e1, e2) = (difference(widened(b), corner), difference(widened(c), corner));
         let n = [e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2], e1[0] * e2[1] - e1[1] * e2[0]];
-        // From 0 on, as there: it turns −0 to 0.
-        let zero = Floats::splat(s, 0.0).widen();
-        let times = |v: [Doubles<S>; 3]| zero + n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
-        let height = times([corner[0] - o64[0], corner[1] - o64[1], corner[2] - o64[2]]);
-        let plane_t = (height / times(wide(d))).narrow();
+        let plane_t =
+            (dot_from_zero(s, n, difference(corner, widened(o))) / dot_from_zero(s, n, widened(d))).narrow();
         let leave = leave.max(enter);
         let t = leave.min(enter.max(plane_t));
 
         // In the ray's order of axes: the direction's longest component comes last.
         let last = LongestAxis::of(d);
-        let ([ox, oy, oz], [dx, dy, dz]) = (last.permuted(o).map(widened), last.permuted(d).map(widened));
-        let sheared = |v: Vectors<S>| {
-            let [vx, vy, vz] = last.permuted(v).map(widened);
-            let z = vz - oz;
-            [(vx - ox) * dz - dx * z, (vy - oy) * dz - dy * z]
-        };
-        let [a, b, c] = [sheared(a), sheared(b), sheared(c)];
+        let (o, d) = (widened(last.permuted(o)), widened(last.permuted(d)));
+        let a = sheared(widened(last.permuted(a)), o, d);
+        let b = sheared(widened(last.permuted(b)), o, d);
+        let c = sheared(widened(last.permuted(c)), o, d);
         let u = c[0] * b[1] - c[1] * b[0];
         let v = a[0] * c[1] - a[1] * c[0];
         let w = b[0] * a[1] - b[1] * a[0];
@@ -249,9 +232,36 @@ impl FewTriangles {
     }
 }
 
+/// Where rays enter and leave the slab of a triangle's box along an axis.
 #[inline(always)]
-fn widened<S: Simd>(a: Floats<S>) -> Doubles<S> {
-    a.widen()
+fn slab<S: Simd>([a, b, c]: [Floats<S>; 3], o: Floats<S>, d: Floats<S>) -> (Floats<S>, Floats<S>) {
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    let inverse = 1.0 / d;
+    let down = d.bits().shift_right::<31>().is(1);
+    ((down.select(high, low) - o) * inverse, (down.select(low, high) - o) * inverse)
+}
+
+#[inline(always)]
+fn difference<S: Simd>(a: [Doubles<S>; 3], b: [Doubles<S>; 3]) -> [Doubles<S>; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// Added up from 0 on, as `decide` does: it turns −0 to 0.
+#[inline(always)]
+fn dot_from_zero<S: Simd>(s: S, n: [Doubles<S>; 3], v: [Doubles<S>; 3]) -> Doubles<S> {
+    Floats::splat(s, 0.0).widen() + n[0] * v[0] + n[1] * v[1] + n[2] * v[2]
+}
+
+/// As `sheared_exactly`: all in the rays' order of axes.
+#[inline(always)]
+fn sheared<S: Simd>(v: [Doubles<S>; 3], o: [Doubles<S>; 3], d: [Doubles<S>; 3]) -> [Doubles<S>; 2] {
+    let z = v[2] - o[2];
+    [(v[0] - o[0]) * d[2] - d[0] * z, (v[1] - o[1]) * d[2] - d[1] * z]
+}
+
+#[inline(always)]
+fn widened<S: Simd>(v: Vectors<S>) -> [Doubles<S>; 3] {
+    [v.x.widen(), v.y.widen(), v.z.widen()]
 }
 
 /// Which component of a direction is the largest, as [`longest_axis`](crate::triangle::longest_axis) says; neither: the third.
@@ -271,12 +281,12 @@ impl<S: Simd> LongestAxis<S> {
 
     /// In an order of axes where it comes last.
     #[inline(always)]
-    fn permuted(&self, Vectors { x, y, z }: Vectors<S>) -> [Floats<S>; 3] {
-        [
+    fn permuted(&self, Vectors { x, y, z }: Vectors<S>) -> Vectors<S> {
+        Vectors::new(
             self.x.select(y, self.y.select(z, x)),
             self.x.select(z, self.y.select(x, y)),
             self.x.select(x, self.y.select(y, z)),
-        ]
+        )
     }
 }
 
@@ -293,11 +303,8 @@ struct Scaled<S: Simd> {
 impl<S: Simd> Scaled<S> {
     #[inline(always)]
     fn new(s: S, rays: &Rays<S>, reach: f32) -> Self {
-        let largest = |v: Vectors<S>| {
-            let Vectors { x, y, z } = v.abs();
-            x.max(y).max(z)
-        };
-        let length = largest(rays.direction);
+        let d = rays.direction.abs();
+        let length = d.x.max(d.y).max(d.z);
         let (o, reach) = (rays.origin.abs(), Floats::splat(s, reach));
         let within = o.x.less_equal(reach) & o.y.less_equal(reach) & o.z.less_equal(reach);
         let direction = rays.direction.scaled(1.0 / length);
@@ -317,25 +324,30 @@ struct Meeting<S: Simd> {
     error: Floats<S>,
 }
 
+/// An equation's value at points.
+#[inline(always)]
+fn value<S: Simd>(s: S, [x, y, z, w]: &Equation, p: Vectors<S>) -> Floats<S> {
+    Floats::load(s, x) * p.x + Floats::load(s, y) * p.y + Floats::load(s, z) * p.z + Floats::load(s, w)
+}
+
 impl<S: Simd> Meeting<S> {
     #[inline(always)]
     fn new<const PAIR: bool>(s: S, rays: &Scaled<S>, face: &Face) -> Self {
-        let [nx, ny, nz, w] = face.plane.each_ref().map(|f| Floats::load(s, f));
         let (o, d) = (rays.origin, rays.direction);
-        // The plane's equation holds minus the height.
-        let height = nx * o.x + ny * o.y + nz * o.z + w;
-        let inverse = 1.0 / (nx * d.x + ny * d.y + nz * d.z);
+        let normal = Vectors::new(
+            Floats::load(s, &face.plane[0]),
+            Floats::load(s, &face.plane[1]),
+            Floats::load(s, &face.plane[2]),
+        );
+        let height = value(s, &face.plane, o);
+        let inverse = 1.0 / normal.dot(d);
         let t = -(height * inverse);
         let error = inverse.abs() * (Floats::load(s, &face.error) + t.abs() * ERROR);
         let p = o + d.scaled(t);
-        let at = |[x, y, z, w]: &Equation| {
-            let [x, y, z, w] = [x, y, z, w].map(|f| Floats::load(s, f));
-            x * p.x + y * p.y + z * p.z + w
-        };
-        let [u, v] = [at(&face.edges[0]), at(&face.edges[1])];
-        let diagonal = at(&face.diagonal);
+        let (u, v) = (value(s, &face.edges[0], p), value(s, &face.edges[1], p));
+        let diagonal = value(s, &face.diagonal, p);
         let margin = if PAIR {
-            let [width, height] = face.widths.each_ref().map(|f| Floats::load(s, f));
+            let (width, height) = (Floats::load(s, &face.widths[0]), Floats::load(s, &face.widths[1]));
             u.min(width - u).min(v.min(height - v))
         } else {
             u.min(v).min(diagonal)
@@ -346,7 +358,7 @@ impl<S: Simd> Meeting<S> {
     /// Which triangle of the face it is, and where that is sure.
     #[inline(always)]
     fn triangle<const PAIR: bool>(&self, s: S, face: &Face) -> (Integers<S>, Mask<S>) {
-        let [first, second] = face.triangles.map(|t| Integers::splat(s, t));
+        let (first, second) = (Integers::splat(s, face.triangles[0]), Integers::splat(s, face.triangles[1]));
         if PAIR {
             let sure = self.error.less(self.diagonal.abs());
             (second.or_where_not(self.diagonal.less(Floats::splat(s, 0.0)), first), sure)
@@ -484,8 +496,9 @@ impl Face {
         let (second, height) = edge(*a, *c, *b);
         let (diagonal, third) = edge(*b, *c, *a);
         let least = width.min(height).min(third);
-        // Not of a number either.
-        if !(least >= LEAST_HEIGHT * f64::from(reach)) {
+        // What is no number is too narrow as well.
+        let wide_enough = least >= LEAST_HEIGHT * f64::from(reach);
+        if !wide_enough {
             return None;
         }
         let error =

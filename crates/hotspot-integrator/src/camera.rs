@@ -76,12 +76,12 @@ impl FilmCamera {
         [u, v]: [Floats<S>; 2],
         (width, height): (u32, u32),
     ) -> Rays<S> {
-        let number = |n| Floats::splat(s, n);
-        let vector = |v: Vec3| Vectors::splat(s, v.to_array());
-        let x = (x.to_floats() + u) / number(width as f32);
-        let y = (y.to_floats() + v) / number(height as f32);
-        let offset = vector(self.right).scaled(x - 0.5) + vector(self.down).scaled(y - 0.5);
-        let (origin, forward) = (vector(self.origin), vector(self.forward));
+        let x = (x.to_floats() + u) / Floats::splat(s, width as f32);
+        let y = (y.to_floats() + v) / Floats::splat(s, height as f32);
+        let across = Vectors::splat(s, self.right.to_array()).scaled(x - 0.5);
+        let offset = across + Vectors::splat(s, self.down.to_array()).scaled(y - 0.5);
+        let origin = Vectors::splat(s, self.origin.to_array());
+        let forward = Vectors::splat(s, self.forward.to_array());
         if self.parallel {
             return Rays { origin: origin + offset, direction: forward };
         }

@@ -4,7 +4,7 @@ use crate::adaptive::Plan;
 use crate::camera::FilmCamera;
 use crate::cast::closest_hits;
 use crate::class::{Class, FullClass, Learning, LobesClass, MatteClass, SceneClass, TexturedClass};
-use crate::lanes::{SampleList, SmallScene, View, trace_samples};
+use crate::lanes::{SampleList, SmallScene, View, table, trace_samples};
 use crate::path::{PathResult, PathSettings, Start, trace};
 use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind, pixel_key};
 use crate::scene::RenderScene;
@@ -348,6 +348,7 @@ fn take<S: Simd>(
         camera: &kernel.camera,
         size: (kernel.width, kernel.height),
         settings: &kernel.path,
+        table: table(),
     };
     simd.vectorize(
         #[inline(always)]

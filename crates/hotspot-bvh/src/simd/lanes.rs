@@ -59,29 +59,21 @@ impl<S: Simd> Neg for Floats<S> {
     }
 }
 
-impl<S: Simd> Mul<f32> for Floats<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: f32) -> Self {
-        self * Self::splat(self.0, other)
-    }
+/// The same with one number for all lanes.
+macro_rules! operators_with_numbers {
+    ($type:ident, $number:ty: $($operator:ident $method:ident),*) => {$(
+        impl<S: Simd> $operator<$number> for $type<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: $number) -> Self {
+                self.$method(Self::splat(self.0, other))
+            }
+        }
+    )*};
 }
 
-impl<S: Simd> Add<f32> for Floats<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: f32) -> Self {
-        self + Self::splat(self.0, other)
-    }
-}
-
-impl<S: Simd> Sub<f32> for Floats<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: f32) -> Self {
-        self - Self::splat(self.0, other)
-    }
-}
+operators_with_numbers!(Floats, f32: Add add, Sub sub, Mul mul);
+operators_with_numbers!(Integers, u32: Add add, Sub sub, Mul mul, BitAnd bitand, BitOr bitor, BitXor bitxor);
 
 impl<S: Simd> Sub<Floats<S>> for f32 {
     type Output = Floats<S>;
@@ -163,6 +155,13 @@ impl<S: Simd> Floats<S> {
         Mask(self.0, self.0.less_equal(self.1, other.1))
     }
 
+    /// Where it is `number` (either zero where that is 0).
+    #[inline(always)]
+    pub fn is(self, number: f32) -> Mask<S> {
+        let number = Self::splat(self.0, number);
+        self.less_equal(number) & number.less_equal(self)
+    }
+
     /// With the signs of `other`.
     #[inline(always)]
     pub fn copysign(self, other: Self) -> Self {
@@ -239,6 +238,12 @@ impl<S: Simd> Integers<S> {
         Mask(self.0, self.0.equal_integers(self.1, other.1))
     }
 
+    /// Where it is `number`.
+    #[inline(always)]
+    pub fn is(self, number: u32) -> Mask<S> {
+        self.equal(Self::splat(self.0, number))
+    }
+
     /// The numbers, of lanes below 2^31.
     #[inline(always)]
     pub fn to_floats(self) -> Floats<S> {
@@ -248,7 +253,7 @@ impl<S: Simd> Integers<S> {
     /// The floats of these bits.
     #[inline(always)]
     pub fn as_bits(self) -> Floats<S> {
-        Floats(self.0, self.0.from_bits(self.1))
+        Floats(self.0, self.0.floats_of(self.1))
     }
 
     /// `self` where `mask`, else `other`.
@@ -272,7 +277,7 @@ impl<S: Simd> BitAnd for Integers<S> {
     #[inline(always)]
     fn bitand(self, other: Self) -> Self {
         let s = self.0;
-        Self(s, s.bits_of(s.and(s.from_bits(self.1), s.from_bits(other.1))))
+        Self(s, s.bits_of(s.and(s.floats_of(self.1), s.floats_of(other.1))))
     }
 }
 
@@ -281,7 +286,7 @@ impl<S: Simd> BitOr for Integers<S> {
     #[inline(always)]
     fn bitor(self, other: Self) -> Self {
         let s = self.0;
-        Self(s, s.bits_of(s.or(s.from_bits(self.1), s.from_bits(other.1))))
+        Self(s, s.bits_of(s.or(s.floats_of(self.1), s.floats_of(other.1))))
     }
 }
 
@@ -371,8 +376,11 @@ impl<S: Simd> Vectors<S> {
     /// Without entries.
     #[inline(always)]
     pub fn gather(from: &[f32], first: Integers<S>) -> Self {
-        let at = |i| Floats::gather(from, first + Integers::splat(first.0, i));
-        Self::new(at(0), at(1), at(2))
+        Self::new(
+            Floats::gather(from, first),
+            Floats::gather(from, first + 1),
+            Floats::gather(from, first + 2),
+        )
     }
 
     /// Scalar product, added up in order.
@@ -412,10 +420,7 @@ impl<S: Simd> Vectors<S> {
     /// Where any component is not 0 (or NaN).
     #[inline(always)]
     pub fn any(self) -> Mask<S> {
-        let zero = Floats::splat(self.x.0, 0.0);
-        let all = Mask::splat(self.x.0, true);
-        let is = |c: Floats<S>| c.less_equal(zero) & zero.less_equal(c);
-        all.without(is(self.x) & is(self.y) & is(self.z))
+        Mask::splat(self.x.0, true).without(self.x.is(0.0) & self.y.is(0.0) & self.z.is(0.0))
     }
 }
 

@@ -121,7 +121,7 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// The same bits.
     fn bits_of(self, a: Self::Vector) -> Self::Integers;
     /// The same bits.
-    fn from_bits(self, a: Self::Integers) -> Self::Vector;
+    fn floats_of(self, a: Self::Integers) -> Self::Vector;
     /// The entries with these indices, the last one for indices beyond.
     ///
     /// # Panics

@@ -237,7 +237,7 @@ impl Simd for Portable {
         ))
     }
     #[inline(always)]
-    fn from_bits(self, a: U8) -> F8 {
+    fn floats_of(self, a: U8) -> F8 {
         F8(core::array::from_fn(
             #[inline(always)]
             |i| f32::from_bits(a.0[i]),

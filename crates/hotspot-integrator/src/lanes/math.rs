@@ -12,7 +12,7 @@ pub(super) fn square_to_cosine_hemisphere<S: Simd>(s: S, u: Floats<S>, v: Floats
     let (radius, other) = (wide.select(a, b), wide.select(b, a));
     let (sin, cos) = sin_cos_eighth(s, Floats::splat(s, core::f32::consts::FRAC_PI_4) * (other / radius));
     // At the centre neither is a number.
-    let centre = radius.less_equal(zero) & zero.less_equal(radius);
+    let centre = radius.is(0.0);
     let along = centre.select(zero, radius * cos);
     let across = centre.select(zero, radius * sin);
     let (x, y) = (wide.select(along, across), wide.select(across, along));
@@ -22,12 +22,16 @@ pub(super) fn square_to_cosine_hemisphere<S: Simd>(s: S, u: Floats<S>, v: Floats
 #[inline(always)]
 fn sin_cos_eighth<S: Simd>(s: S, x: Floats<S>) -> (Floats<S>, Floats<S>) {
     let x2 = x * x;
-    let series = |[a, b, c, d]: [f32; 4]| {
-        Floats::splat(s, 1.0)
-            + x2 * (Floats::splat(s, a) + x2 * (Floats::splat(s, b) + x2 * (Floats::splat(s, c) + x2 * d)))
-    };
-    let sin = x * series([-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0]);
-    (sin, series([-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0]))
+    let sin = x * series(s, x2, [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0]);
+    (sin, series(s, x2, [-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0]))
+}
+
+/// 1 + ax + bx² + cx³ + dx⁴.
+#[inline(always)]
+fn series<S: Simd>(s: S, x: Floats<S>, [a, b, c, d]: [f32; 4]) -> Floats<S> {
+    let [one, a, b, c] =
+        [Floats::splat(s, 1.0), Floats::splat(s, a), Floats::splat(s, b), Floats::splat(s, c)];
+    one + x * (a + x * (b + x * (c + x * d)))
 }
 
 /// [`crate::math::square_to_triangle`].

@@ -18,9 +18,10 @@ use crate::light::LightLanes;
 use crate::scene::RenderScene;
 use glam::Vec3;
 use hotspot_bvh::few::FewTriangles;
-use hotspot_bvh::simd::{F8, Floats, Integers, Simd, Vectors};
+use hotspot_bvh::simd::{Doubles, F8, Floats, Integers, Simd, Vectors};
 use hotspot_scene::Bsdf;
 pub(crate) use path::{SampleList, View, trace_samples};
+pub(crate) use sampler::table;
 
 /// A scene whose paths can go eight at a time.
 #[derive(Clone, Debug)]
@@ -118,24 +119,30 @@ impl PointTables {
         v: Floats<S>,
     ) -> PointLanes<S> {
         let first = triangle.shift_left::<3>() + triangle;
-        let corner = |i| Vectors::gather(&self.corners, first + Integers::splat(s, i));
-        let [a, b, c] = [corner(0), corner(3), corner(6)];
+        let a = Vectors::gather(&self.corners, first);
+        let b = Vectors::gather(&self.corners, first + 3);
+        let c = Vectors::gather(&self.corners, first + 6);
         let errors = Vectors::gather(&self.errors, triangle.shift_left::<1>() + triangle);
         let (u, v) = (u.widen(), v.widen());
-        let axis = |a: Floats<S>, b: Floats<S>, c: Floats<S>| {
-            let a = a.widen();
-            (a + (b.widen() - a) * u + (c.widen() - a) * v).narrow()
-        };
-        let p = Vectors::new(axis(a.x, b.x, c.x), axis(a.y, b.y, c.y), axis(a.z, b.z, c.z));
+        let x = interpolated([a.x, b.x, c.x], u, v);
+        let y = interpolated([a.y, b.y, c.y], u, v);
+        let z = interpolated([a.z, b.z, c.z], u, v);
+        let p = Vectors::new(x, y, z);
         let error = p.abs().scaled(Floats::splat(s, 3.0 * (0.5 * f32::EPSILON))) + errors;
         PointLanes { p, error }
     }
 }
 
+#[inline(always)]
+fn interpolated<S: Simd>([a, b, c]: [Floats<S>; 3], u: Doubles<S>, v: Doubles<S>) -> Floats<S> {
+    let a = a.widen();
+    (a + (b.widen() - a) * u + (c.widen() - a) * v).narrow()
+}
+
 impl<S: Simd> PointLanes<S> {
     /// With lanes `bits` replaced one by one.
     #[inline(always)]
-    pub(crate) fn replaced(self, s: S, mut bits: u32, by: impl Fn(usize) -> SurfacePoint) -> Self {
+    pub(crate) fn replaced(self, s: S, mut bits: u32, mut by: impl FnMut(usize) -> SurfacePoint) -> Self {
         let (mut p, mut error) = (self.p.store(), self.error.store());
         while bits != 0 {
             let lane = bits.trailing_zeros() as usize & 7;

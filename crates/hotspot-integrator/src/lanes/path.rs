@@ -4,7 +4,7 @@
 //! what few need (doubtful rays, points at edges) is done one by one, by the same code as for single paths.
 
 use super::math::{facing, max_element, power_heuristic, square_to_cosine_hemisphere, to_world};
-use super::sampler::{Points, table};
+use super::sampler::Points;
 use super::{PointLanes, SmallScene, set};
 use crate::camera::FilmCamera;
 use crate::math::FRAC_1_PI;
@@ -53,6 +53,8 @@ pub(crate) struct View<'a> {
     /// Of the film, in pixels.
     pub(crate) size: (u32, u32),
     pub(crate) settings: &'a PathSettings<'a>,
+    /// Of sample points.
+    pub(crate) table: &'static [u32],
 }
 
 /// Eight paths under way.
@@ -93,7 +95,7 @@ pub(crate) fn trace_samples<S: Simd>(s: S, view: &View<'_>, list: &SampleList, f
     found.resize(list.len(), [0.0; 3]);
     let mut next = 0usize;
     let mut alive = 0u32;
-    let mut paths = Paths::<S>::none(s);
+    let mut paths = Paths::<S>::none(s, view);
     loop {
         if alive != 0xff && next < list.len() {
             let (numbers, starting) = numbers(!alive & 0xff, &mut next, list.len());
@@ -113,10 +115,8 @@ pub(crate) fn trace_samples<S: Simd>(s: S, view: &View<'_>, list: &SampleList, f
             while left != 0 {
                 let lane = left.trailing_zeros() as usize & 7;
                 left &= left - 1;
-                found[numbers.0[lane] as usize] = [0, 1, 2].map(
-                    #[inline(always)]
-                    |i: usize| radiance[i].0[lane],
-                );
+                let [x, y, z] = &radiance;
+                found[numbers.0[lane] as usize] = [x.0[lane], y.0[lane], z.0[lane]];
             }
         }
     }
@@ -139,9 +139,9 @@ fn numbers(free: u32, next: &mut usize, len: usize) -> (U8, u32) {
 impl<S: Simd> Paths<S> {
     /// In place of paths.
     #[inline(always)]
-    fn none(s: S) -> Self {
+    fn none(s: S, view: &View<'_>) -> Self {
         let (zero, none) = (Vectors::splat(s, [0.0; 3]), Integers::splat(s, NONE));
-        let points = Points { key: none, index: none, table: table() };
+        let points = Points { key: none, index: none, table: view.table };
         Self {
             rays: Rays { origin: zero, direction: zero },
             from: none,
@@ -159,10 +159,11 @@ impl<S: Simd> Paths<S> {
     /// At the camera.
     #[inline(always)]
     fn starting(s: S, view: &View<'_>, list: &SampleList, number: Integers<S>) -> Self {
-        let of = |list: &[u32]| Integers::gather(list, number);
-        let points = Points { key: of(&list.key), index: of(&list.index), table: table() };
+        let key = Integers::gather(&list.key, number);
+        let points = Points { key, index: Integers::gather(&list.index, number), table: view.table };
         let [u, v, light @ ..] = points.camera(s);
-        let rays = view.camera.rays(s, [of(&list.x), of(&list.y)], [u, v], view.size);
+        let pixel = [Integers::gather(&list.x, number), Integers::gather(&list.y, number)];
+        let rays = view.camera.rays(s, pixel, [u, v], view.size);
         let one = Floats::splat(s, 1.0);
         Self {
             rays,
@@ -181,27 +182,24 @@ impl<S: Simd> Paths<S> {
     /// `self` where `mask`, else `other`.
     #[inline(always)]
     fn or_where_not(self, mask: Mask<S>, other: &Self) -> Self {
-        let vectors = |a: Vectors<S>, b: Vectors<S>| a.or_where_not(mask, b);
-        let floats = |a, b| mask.select(a, b);
-        let integers = |a: Integers<S>, b: Integers<S>| a.or_where_not(mask, b);
         Self {
             rays: Rays {
-                origin: vectors(self.rays.origin, other.rays.origin),
-                direction: vectors(self.rays.direction, other.rays.direction),
+                origin: self.rays.origin.or_where_not(mask, other.rays.origin),
+                direction: self.rays.direction.or_where_not(mask, other.rays.direction),
             },
-            from: integers(self.from, other.from),
-            radiance: vectors(self.radiance, other.radiance),
-            throughput: vectors(self.throughput, other.throughput),
-            survival_scale: floats(self.survival_scale, other.survival_scale),
-            scattered_pdf: floats(self.scattered_pdf, other.scattered_pdf),
-            bounces: integers(self.bounces, other.bounces),
-            light: [floats(self.light[0], other.light[0]), floats(self.light[1], other.light[1])],
+            from: self.from.or_where_not(mask, other.from),
+            radiance: self.radiance.or_where_not(mask, other.radiance),
+            throughput: self.throughput.or_where_not(mask, other.throughput),
+            survival_scale: mask.select(self.survival_scale, other.survival_scale),
+            scattered_pdf: mask.select(self.scattered_pdf, other.scattered_pdf),
+            bounces: self.bounces.or_where_not(mask, other.bounces),
+            light: [mask.select(self.light[0], other.light[0]), mask.select(self.light[1], other.light[1])],
             points: Points {
-                key: integers(self.points.key, other.points.key),
-                index: integers(self.points.index, other.points.index),
+                key: self.points.key.or_where_not(mask, other.points.key),
+                index: self.points.index.or_where_not(mask, other.points.index),
                 table: self.points.table,
             },
-            number: integers(self.number, other.number),
+            number: self.number.or_where_not(mask, other.number),
         }
     }
 
@@ -209,7 +207,7 @@ impl<S: Simd> Paths<S> {
     #[inline(always)]
     fn step(&mut self, s: S, view: &View<'_>, mut alive: u32) -> u32 {
         let small = view.small;
-        let (zero, number) = (Floats::splat(s, 0.0), |n| Integers::splat(s, n));
+        let zero = Floats::splat(s, 0.0);
         let mut hits = small.few.closest_hits(s, &self.rays, self.from, alive);
         if hits.doubtful != 0 {
             hits = hits_of_doubtful(s, view, self, &hits);
@@ -224,7 +222,7 @@ impl<S: Simd> Paths<S> {
         let pdf_area = Floats::gather(&small.light_pdf_area, primitive);
         let cos = wo.dot(geometric);
         if zero.less(pdf_area).bits() & alive != 0 {
-            let both = Integers::gather(&small.two_sided, primitive).equal(number(1));
+            let both = Integers::gather(&small.two_sided, primitive).is(1);
             let shows = zero.less(cos) | (both & cos.less(zero));
             let shines = zero.less(pdf_area) & shows & Mask::of_bits(s, alive);
             let light_pdf = pdf_area * (hits.t * hits.t) / cos.abs();
@@ -233,7 +231,7 @@ impl<S: Simd> Paths<S> {
             let found = (self.throughput * emission).scaled(weight);
             self.radiance = (self.radiance + found).or_where_not(shines, self.radiance);
         }
-        alive &= !self.bounces.equal(number(view.settings.max_depth)).bits();
+        alive &= !self.bounces.is(view.settings.max_depth).bits();
         if alive == 0 {
             return 0;
         }
@@ -257,13 +255,13 @@ impl<S: Simd> Paths<S> {
         self.add_direct_light(s, view, &vertex, alive);
 
         // The BSDF's direction.
-        let following = self.bounces + number(1);
+        let following = self.bounces + 1;
         let [u, v, light @ ..] = self.points.segment(s, following);
         let local = square_to_cosine_hemisphere(s, u, v);
         let pdf = Floats::splat(s, FRAC_1_PI) * local.z;
         alive &= (zero.less(pdf) & reflectance.any()).bits();
         self.throughput = self.throughput * reflectance;
-        let at_first = self.bounces.equal(number(0));
+        let at_first = self.bounces.is(0);
         if let Some(gain) = view.settings.roulette.gain
             && at_first.bits() & alive != 0
         {
@@ -310,12 +308,14 @@ impl<S: Simd> Paths<S> {
             return hits.normal;
         }
         let first = hits.primitive.shift_left::<3>() + hits.primitive;
-        let n = |i| Vectors::gather(&small.normals, first + Integers::splat(s, i));
-        let normal = n(0).scaled(1.0 - hits.u - hits.v) + n(3).scaled(hits.u) + n(6).scaled(hits.v);
+        let a = Vectors::gather(&small.normals, first).scaled(1.0 - hits.u - hits.v);
+        let b = Vectors::gather(&small.normals, first + 3).scaled(hits.u);
+        let c = Vectors::gather(&small.normals, first + 6).scaled(hits.v);
+        let normal = a + b + c;
         let reciprocal = 1.0 / normal.dot(normal).sqrt();
         let infinite = Floats::splat(s, f32::INFINITY);
         let whole = Floats::splat(s, 0.0).less(reciprocal) & reciprocal.less(infinite);
-        let has = Integers::gather(&small.smooth, hits.primitive).equal(Integers::splat(s, 1));
+        let has = Integers::gather(&small.smooth, hits.primitive).is(1);
         normal.scaled(reciprocal).or_where_not(whole & has, hits.normal)
     }
 
@@ -328,7 +328,7 @@ impl<S: Simd> Paths<S> {
         let cos = light.wi.dot(vertex.normal);
         let pdf = Floats::splat(s, FRAC_1_PI) * cos;
         let f_cos = vertex.reflectance.scaled(pdf);
-        let both = Integers::gather(&view.small.two_sided, light.primitive).equal(Integers::splat(s, 1));
+        let both = Integers::gather(&view.small.two_sided, light.primitive).is(1);
         let emits = zero.less(light.cos) | (both & light.cos.less(zero));
         let lit = zero.less(cos) & zero.less(vertex.cos_wo) & f_cos.any() & emits & light.emission.any();
         let lit = light.there & lit.bits();
@@ -352,11 +352,11 @@ impl<S: Simd> Paths<S> {
     }
 }
 
-/// Lanes of rays, as single rays.
+/// A lane's ray.
 #[inline(always)]
-fn single_rays<S: Simd>(rays: &Rays<S>) -> impl Fn(usize) -> Ray {
-    let (origin, direction) = (rays.origin.store(), rays.direction.store());
-    move |lane| Ray::new([0, 1, 2].map(|i| origin[i].0[lane]), [0, 1, 2].map(|i| direction[i].0[lane]))
+fn single_ray<S: Simd>(rays: &Rays<S>, lane: usize) -> Ray {
+    let (o, d) = (rays.origin.store(), rays.direction.store());
+    Ray::new([o[0].0[lane], o[1].0[lane], o[2].0[lane]], [d[0].0[lane], d[1].0[lane], d[2].0[lane]])
 }
 
 /// Hits with those of doubtful rays, from the tree.
@@ -366,16 +366,20 @@ fn hits_of_doubtful<S: Simd>(s: S, view: &View<'_>, paths: &Paths<S>, hits: &Hit
     s.vectorize(
         #[inline(always)]
         || {
-            let ray = single_rays(&paths.rays);
             let from = paths.from.store();
-            let [mut t, mut u, mut v] = [hits.t, hits.u, hits.v].map(Floats::store);
+            let (mut t, mut u, mut v) = (hits.t.store(), hits.u.store(), hits.v.store());
             let (mut primitive, mut normal) = (hits.primitive.store(), hits.normal.store());
             let mut found = hits.found;
             let mut left = hits.doubtful;
             while left != 0 {
                 let lane = left.trailing_zeros() as usize & 7;
                 left &= left - 1;
-                let hit = view.scene.bvh.closest_hit_flat(s, &ray(lane), [from.0[lane]], NoProbe);
+                let hit = view.scene.bvh.closest_hit_flat(
+                    s,
+                    &single_ray(&paths.rays, lane),
+                    [from.0[lane]],
+                    NoProbe,
+                );
                 if let Some(hit) = hit {
                     found |= 1 << lane;
                     (t.0[lane], u.0[lane], v.0[lane]) = (hit.t, hit.u, hit.v);
@@ -383,14 +387,13 @@ fn hits_of_doubtful<S: Simd>(s: S, view: &View<'_>, paths: &Paths<S>, hits: &Hit
                     set(&mut normal, lane, hit.normal);
                 }
             }
-            let [t, u, v] = [t, u, v].map(|f| Floats::load(s, &f));
             Hits {
                 found,
                 doubtful: 0,
                 primitive: Integers::load(s, &primitive),
-                t,
-                u,
-                v,
+                t: Floats::load(s, &t),
+                u: Floats::load(s, &u),
+                v: Floats::load(s, &v),
                 normal: Vectors::load(s, &normal),
             }
         },
@@ -410,14 +413,13 @@ fn blocked_of_doubtful<S: Simd>(
     s.vectorize(
         #[inline(always)]
         || {
-            let ray = single_rays(rays);
-            let [from, to] = ends.map(Integers::store);
+            let (from, to) = (ends[0].store(), ends[1].store());
             let mut blocked = 0;
             let mut left = doubtful;
             while left != 0 {
                 let lane = left.trailing_zeros() as usize & 7;
                 left &= left - 1;
-                let ray = Ray { t_max: 1.0, ..ray(lane) };
+                let ray = Ray { t_max: 1.0, ..single_ray(rays, lane) };
                 let ends = [from.0[lane], to.0[lane]];
                 blocked |= u32::from(view.scene.bvh.occluded_flat(s, &ray, ends, NoProbe)) << lane;
             }

@@ -12,7 +12,7 @@ pub(super) struct Points<S: Simd> {
 }
 
 /// The table of unscrambled points.
-pub(super) fn table() -> &'static [u32] {
+pub(crate) fn table() -> &'static [u32] {
     TABLES.as_flattened().as_flattened().as_flattened()
 }
 
@@ -20,93 +20,89 @@ impl<S: Simd> Points<S> {
     /// The four numbers of the segment that leads to each lane's vertex; `vertex` at least 1.
     #[inline(always)]
     pub(super) fn segment(self, s: S, vertex: Integers<S>) -> [Floats<S>; 4] {
-        let number = |n| Integers::splat(s, n);
         // As `sequence` has it.
-        let place = (vertex - number(1)) & number(TOGETHER - 1);
+        let place = (vertex - 1) & (TOGETHER - 1);
         let set = vertex.shift_left::<1>();
         let order = set - place.shift_left::<1>();
-        let rows = self.rows(s, place.shift_left::<11>(), order);
-        let base = self.base(s, set);
-        core::array::from_fn(
-            #[inline(always)]
-            |d| self.dimension(s, rows, base, d),
-        )
+        self.all(s, self.rows(place.shift_left::<11>(), order), self.base(set))
     }
 
     /// The four numbers of the camera's segment.
     #[inline(always)]
     pub(super) fn camera(self, s: S) -> [Floats<S>; 4] {
         let zero = Integers::splat(s, 0);
-        let (rows, base) = (self.rows(s, zero, zero), self.base(s, zero));
-        core::array::from_fn(
-            #[inline(always)]
-            |d| self.dimension(s, rows, base, d),
-        )
+        self.all(s, self.rows(zero, zero), self.base(zero))
     }
 
     /// The number for roulette at a vertex.
     #[inline(always)]
     pub(super) fn roulette(self, s: S, vertex: Integers<S>) -> Floats<S> {
-        let set = vertex.shift_left::<1>() + Integers::splat(s, 1);
-        self.dimension(s, self.rows(s, Integers::splat(s, 0), set), self.base(s, set), 1)
+        let set = vertex.shift_left::<1>() + 1;
+        self.dimension(s, self.rows(Integers::splat(s, 0), set), self.base(set), 1)
     }
 
     #[inline(always)]
-    fn seed(self, s: S, set: Integers<S>) -> Integers<S> {
-        mix(s, self.key ^ (set * Integers::splat(s, 0x9e37_79b9)))
+    fn seed(self, set: Integers<S>) -> Integers<S> {
+        mix(self.key ^ (set * 0x9e37_79b9))
     }
 
     /// What the dimensions of a set are hashed with.
     #[inline(always)]
-    fn base(self, s: S, set: Integers<S>) -> Integers<S> {
-        self.seed(s, set) * Integers::splat(s, 0x9c8f_2d3b)
+    fn base(self, set: Integers<S>) -> Integers<S> {
+        self.seed(set) * 0x9c8f_2d3b
     }
 
     /// Where the two rows of the samples' unscrambled points begin, in the order of set `order`; `table`: where that begins.
     #[inline(always)]
-    fn rows(self, s: S, table: Integers<S>, order: Integers<S>) -> [Integers<S>; 2] {
-        let scramble = hash(s, self.seed(s, order) ^ Integers::splat(s, 0x79c6_8e4a));
-        let index = owen_scramble(s, self.index.reverse_bits(), scramble);
-        let byte = |index: Integers<S>| (index & Integers::splat(s, 0xff)).shift_left::<2>();
-        let low = Integers::splat(s, ROW) + byte(index.shift_right::<16>());
-        [table + byte(index.shift_right::<24>()), table + low]
+    fn rows(self, table: Integers<S>, order: Integers<S>) -> [Integers<S>; 2] {
+        let scramble = hash(self.seed(order) ^ 0x79c6_8e4a);
+        let index = owen_scramble(self.index.reverse_bits(), scramble);
+        let high = index.shift_right::<24>().shift_left::<2>();
+        let low = (index.shift_right::<16>() & 0xff).shift_left::<2>() + ROW;
+        [table + high, table + low]
     }
 
     #[inline(always)]
-    fn dimension(self, s: S, rows: [Integers<S>; 2], base: Integers<S>, d: usize) -> Floats<S> {
-        let [high, low] = rows.map(
-            #[inline(always)]
-            |row| Integers::gather(self.table, row + Integers::splat(s, d as u32)),
-        );
-        let scramble = hash(s, Integers::splat(s, DIMENSIONS[d]) ^ base);
-        let bits = owen_scramble(s, high ^ low, scramble).reverse_bits();
-        (bits.shift_right::<9>() | Integers::splat(s, 0x3f80_0000)).as_bits() - 1.0
+    fn all(self, s: S, rows: [Integers<S>; 2], base: Integers<S>) -> [Floats<S>; 4] {
+        [
+            self.dimension(s, rows, base, 0),
+            self.dimension(s, rows, base, 1),
+            self.dimension(s, rows, base, 2),
+            self.dimension(s, rows, base, 3),
+        ]
+    }
+
+    #[inline(always)]
+    fn dimension(self, s: S, rows: [Integers<S>; 2], base: Integers<S>, d: u32) -> Floats<S> {
+        let high = Integers::gather(self.table, rows[0] + d);
+        let low = Integers::gather(self.table, rows[1] + d);
+        let scramble = hash(Integers::splat(s, DIMENSIONS[d as usize]) ^ base);
+        let bits = owen_scramble(high ^ low, scramble).reverse_bits();
+        (bits.shift_right::<9>() | 0x3f80_0000).as_bits() - 1.0
     }
 }
 
 /// [`crate::sampler::mix`].
 #[inline(always)]
-fn mix<S: Simd>(s: S, x: Integers<S>) -> Integers<S> {
-    let number = |n| Integers::splat(s, n);
-    let x = (x ^ x.shift_right::<16>()) * number(0x7feb_352d);
-    let x = (x ^ x.shift_right::<15>()) * number(0x846c_a68b);
+fn mix<S: Simd>(x: Integers<S>) -> Integers<S> {
+    let x = (x ^ x.shift_right::<16>()) * 0x7feb_352d;
+    let x = (x ^ x.shift_right::<15>()) * 0x846c_a68b;
     x ^ x.shift_right::<16>()
 }
 
 /// `sobol_burley::parts::hash`.
 #[inline(always)]
-fn hash<S: Simd>(s: S, x: Integers<S>) -> Integers<S> {
-    mix(s, x ^ Integers::splat(s, 0xe6fe_3beb))
+fn hash<S: Simd>(x: Integers<S>) -> Integers<S> {
+    mix(x ^ 0xe6fe_3beb)
 }
 
 /// `sobol_burley::parts::owen_scramble_rev`.
 #[inline(always)]
-fn owen_scramble<S: Simd>(s: S, x: Integers<S>, scramble: Integers<S>) -> Integers<S> {
-    let number = |n| Integers::splat(s, n);
-    let x = x ^ (x * number(0x3d20_adea));
-    let x = (x + scramble) * (scramble.shift_right::<16>() | number(1));
-    let x = x ^ (x * number(0x0552_6c56));
-    x ^ (x * number(0x53a2_2864))
+fn owen_scramble<S: Simd>(x: Integers<S>, scramble: Integers<S>) -> Integers<S> {
+    let x = x ^ (x * 0x3d20_adea);
+    let x = (x + scramble) * (scramble.shift_right::<16>() | 1);
+    let x = x ^ (x * 0x0552_6c56);
+    x ^ (x * 0x53a2_2864)
 }
 
 #[cfg(test)]

@@ -96,7 +96,6 @@ impl LightLanes {
         [select, v]: [Floats<S>; 2],
         active: u32,
     ) -> LightSamples<S> {
-        let number = |n| Integers::splat(s, n);
         let (zero, one) = (Floats::splat(s, 0.0), Floats::splat(s, 1.0));
         let index = self.strip(s, select);
 
@@ -105,30 +104,26 @@ impl LightLanes {
         let from = select - Floats::gather(&self.cumulative, index);
         let x = from / Floats::gather(&self.probability, index);
         let x = below_one.min(zero.max(x));
-        let patch = index * number(PATCH);
-        let pair = Integers::gather(&self.patches, patch).equal(number(1));
+        let patch = index * PATCH;
+        let pair = Integers::gather(&self.patches, patch).is(1);
         let first = (x + v).less(one);
         let weights = [
             first.select(one - x - v, (x - (one - v)).max(zero)),
             first.select(x, one - v),
             first.select(v, one - x),
         ];
-        let half = patch + number(2).or_where_not(first, number(5));
+        let half = patch + Integers::splat(s, 2).or_where_not(first, Integers::splat(s, 5));
         let triangle = Integers::gather(&self.patches, half);
-        let weight = |i: u32| {
-            let which = Integers::gather(&self.patches, half + number(i));
-            let last = which.equal(number(1)).select(weights[1], weights[2]);
-            which.equal(number(0)).select(weights[0], last)
-        };
-        let (b, c) = (weight(1), weight(2));
+        let b = chosen(Integers::gather(&self.patches, half + 1), weights);
+        let c = chosen(Integers::gather(&self.patches, half + 2), weights);
         let (folded_b, folded_c) = square_to_triangle(x, v);
         let (b, c) = (pair.select(b, folded_b), pair.select(c, folded_c));
 
         // The point, off the triangle's edges.
-        let normal = Vectors::gather(&self.normals, triangle * number(3));
+        let normal = Vectors::gather(&self.normals, triangle * 3);
         let corner = self.points.corner(triangle);
         let shows = zero.less(normal.dot(p - corner));
-        let two_sided = Integers::gather(&self.two_sided, triangle).equal(number(1));
+        let two_sided = Integers::gather(&self.two_sided, triangle).is(1);
         let mut there = active & (shows | two_sided).bits();
         let mut point = self.points.point(s, triangle, b, c);
         let near_edge = b.min(c).min(one - b - c).less(Floats::gather(&self.edge, triangle)).bits() & there;
@@ -145,11 +140,11 @@ impl LightLanes {
         let wi = Vectors::new(d.x / length, d.y / length, d.z / length);
         let cos = -wi.dot(normal);
         let pdf = Floats::gather(&self.pdf_area, triangle) * distance2 / cos.abs();
-        let somewhere = Mask::splat(s, true).without(distance2.less_equal(zero) & zero.less_equal(distance2));
+        let somewhere = Mask::splat(s, true).without(distance2.is(0.0));
         let valid = somewhere & zero.less(pdf) & pdf.less(Floats::splat(s, f32::INFINITY));
         there &= valid.bits();
         let primitive = Integers::gather(&self.primitive, triangle);
-        let emission = Vectors::gather(&self.emission, triangle * number(3));
+        let emission = Vectors::gather(&self.emission, triangle * 3);
         LightSamples { there, wi, pdf, point, cos, normal, primitive, emission }
     }
 
@@ -161,18 +156,20 @@ impl LightLanes {
             return Integers::splat(s, 0);
         }
         // One after the other is simplest where there are few: the guide first, as there.
-        let select = select.store().0;
-        let index = select.map(
-            #[inline(always)]
-            |select| {
-                let start = self.guide[((select * count as f32) as usize).min(count - 1)];
-                let mut index = start as usize;
-                while self.cumulative[index + 1] <= select {
-                    index += 1;
-                }
-                index as u32
-            },
-        );
+        let mut index = select.store().0.map(f32::to_bits);
+        for index in &mut index {
+            let select = f32::from_bits(*index);
+            *index = self.guide[((select * count as f32) as usize).min(count - 1)];
+            while self.cumulative[*index as usize + 1] <= select {
+                *index += 1;
+            }
+        }
         Integers::load(s, &U8(index))
     }
+}
+
+/// Weight 0, 1 or 2.
+#[inline(always)]
+fn chosen<S: Simd>(which: Integers<S>, weights: [Floats<S>; 3]) -> Floats<S> {
+    which.is(0).select(weights[0], which.is(1).select(weights[1], weights[2]))
 }
