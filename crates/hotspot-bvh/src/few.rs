@@ -4,15 +4,16 @@
 //! surely is hit, surely nearest, or surely blocks; rays of which it cannot say so, some in ten thousand, are handed back as *doubtful*, to be
 //! traced through the tree. Distance, weights and normal of what is hit are then computed as the tree's traversal does.
 //!
-//! **Faces.** Two triangles that make up a parallelogram are one face: one plane, four edges, and the diagonal says which of the two it is.
-//! A face is kept as equations: its plane's, and the distances from its edges as functions of a point.
+//! **Faces.** Two triangles that make up a convex quadrangle in a plane are one face: the diagonal says which of the two it is. A face is
+//! kept as equations: its plane's, scaled so that the coefficient of the axis that it faces most is 1, and distances from its edges, seen
+//! along that axis. Faces of one axis lie together, so that the axis is known when the loop over them is compiled.
 //!
 //! **The bound.** Let the direction be scaled so that its largest component is 1, so that t is a length; B bound the coordinates of origins
-//! and corners, and u = 2^−24. With a unit normal n whose components are off by u each, the height of the origin above the plane is off by at
-//! most 11uB', B' = 2B, and n·d by 14u; so t by m(11uB' + 18u|t|), m = 1/|n·d| ≥ 1/√3. The point o + td is off by that and by 4u(B + |t|)
-//! per axis, its distances from edges by √3 times as much and by 9u(B' + |t|): together less than m(40uB' + 57u|t|). [`ERROR`] is 64u. What
-//! corners of a parallelogram are off by is added to B'u. The decisions of `triangle.rs` are made in f64, or by f32 distances within 4u|t| of
-//! the true ones, which is less than what is left.
+//! and corners, and u = 2^−24. The plane's coefficients are at most 1 and off by u each, so its value at the origin is off by at most 18uB and
+//! that of the direction, at most 3, by 15u: t by m(18uB + 21u|t|), where m ≥ 1/3 is the reciprocal of the latter. The point o + td is off by
+//! m(21uB + 33u|t|) per axis, and with the roundings of their own distances from edges by less than m(60uB + 64u|t|): [`ERROR`] is 64u. What
+//! quadrangles are off their planes by is added. The decisions of `triangle.rs` are made in f64, or by f32 distances within 4u|t| of the true
+//! ones, which is less than what is left of t's bound.
 //!
 //! Visits cannot be counted: there are none.
 
@@ -21,8 +22,8 @@ use crate::triangle::unit_normal;
 
 /// See the file's header.
 const ERROR: f32 = 64.0 * 0.5 * f32::EPSILON;
-/// Corners that complete a parallelogram may be off by this part of the largest coordinate.
-const SAME_CORNER: f64 = 8.0 * f32::EPSILON as f64;
+/// The fourth corner of a quadrangle may be off the plane of the others by this part of the largest coordinate.
+const FLAT: f64 = 4.0 * f32::EPSILON as f64;
 /// A triangle's least height over the largest coordinate, below which its equations say too little.
 const LEAST_HEIGHT: f64 = 1e-4;
 /// The largest coordinates for which no product here overflows or vanishes.
@@ -30,23 +31,28 @@ const COORDINATES: core::ops::Range<f32> = 1e-6..1e6;
 /// In place of a second triangle.
 const NONE: u32 = u32::MAX;
 
-/// A vector and what is added to its product with a point.
-type Equation = [F8; 4];
+/// Coefficients of two coordinates, and what is added.
+type Equation = [F8; 3];
 
-/// One triangle, or two that make up a parallelogram. All lanes of its vectors are the same.
+/// One triangle, or two that make up a convex quadrangle. All lanes of its vectors are the same.
 #[derive(Clone, Debug)]
 struct Face {
-    /// Height above the plane.
+    /// Height above the plane along the axis that the face faces most: coefficients of the two axes that follow it, and what is added.
     plane: Equation,
-    /// Distance from two edges: the first and last of a single triangle, two that are not parallel of a parallelogram.
-    edges: [Equation; 2],
-    /// Distance from the diagonal, positive in the first triangle: the third edge of a single triangle.
+    /// Distances from the edges, seen along that axis: of a single triangle the last is the diagonal.
+    edges: [Equation; 4],
+    /// Distance from the diagonal, positive in the first triangle; the third edge of a single one.
     diagonal: Equation,
-    /// Of a parallelogram: the distances of the other two edges from these.
-    widths: [F8; 2],
     /// The part of the bound that does not depend on t.
     error: F8,
     triangles: [u32; 2],
+}
+
+/// Faces that face one axis most.
+#[derive(Clone, Debug, Default)]
+struct Faces {
+    quadrangles: Vec<Face>,
+    singles: Vec<Face>,
 }
 
 /// Rays in lanes.
@@ -67,6 +73,8 @@ pub struct Hits<S: Simd> {
     pub doubtful: u32,
     /// Index of the triangle.
     pub primitive: Integers<S>,
+    /// Its corners.
+    pub corners: [Vectors<S>; 3],
     /// Distance in lengths of the ray's direction.
     pub t: Floats<S>,
     /// Barycentric weight of the second vertex.
@@ -89,8 +97,8 @@ pub struct Blocked {
 /// Few triangles ([`FewTriangles::MOST`]) of regular shape.
 #[derive(Clone, Debug)]
 pub struct FewTriangles {
-    parallelograms: Vec<Face>,
-    singles: Vec<Face>,
+    /// By axis.
+    faces: [Faces; 3],
     /// Corner by corner.
     corners: Vec<f32>,
     /// Unit normals.
@@ -114,8 +122,7 @@ impl FewTriangles {
             return None;
         }
         let mut this = Self {
-            parallelograms: Vec::new(),
-            singles: Vec::new(),
+            faces: Default::default(),
             corners: triangles.iter().flatten().flatten().copied().collect(),
             normals: Vec::new(),
             reach,
@@ -127,15 +134,17 @@ impl FewTriangles {
                 continue;
             }
             let mut later = (index + 1..triangles.len()).filter(|other| !paired[*other]);
-            let corners = wide(triangle);
-            let partner = later
-                .find_map(|other| Some((other, parallelogram(&corners, &wide(&triangles[other]), reach)?)));
-            let numbers = [index as u32, partner.map_or(NONE, |(other, _)| other as u32)];
+            let first = wide(triangle);
+            let partner =
+                later.find_map(|other| Some((other, quadrangle(&first, &wide(&triangles[other]), reach)?)));
             if let Some((other, corners)) = partner {
                 paired[other] = true;
-                this.parallelograms.push(Face::new(&corners, numbers, reach)?);
+                let (axis, face) = Face::new(&corners, [index as u32, other as u32], reach)?;
+                this.faces[axis].quadrangles.push(face);
             } else {
-                this.singles.push(Face::new(&corners, numbers, reach)?);
+                let [a, b, c] = first;
+                let (axis, face) = Face::new(&[a, b, c, a], [index as u32, NONE], reach)?;
+                this.faces[axis].singles.push(face);
             }
         }
         Some(this)
@@ -143,10 +152,8 @@ impl FewTriangles {
 
     /// Bytes held.
     pub fn memory(&self) -> u64 {
-        (size_of_val(&self.parallelograms[..])
-            + size_of_val(&self.singles[..])
-            + size_of_val(&self.corners[..])
-            + size_of_val(&self.normals[..])) as u64
+        let faces: usize = self.faces.iter().map(|f| f.quadrangles.len() + f.singles.len()).sum();
+        (faces * size_of::<Face>() + size_of_val(&self.corners[..]) + size_of_val(&self.normals[..])) as u64
     }
 
     /// What the rays of lanes `active` (as bits) hit first, but for the triangles `from`.
@@ -156,19 +163,17 @@ impl FewTriangles {
         let infinite = Floats::splat(s, f32::INFINITY);
         let mut nearest =
             Nearest { least: infinite, most: infinite, primitive: Integers::splat(s, NONE), doubtful: 0 };
-        for face in &self.parallelograms {
-            nearest.try_face::<true>(s, &scaled, face, from, active);
-        }
-        for face in &self.singles {
-            nearest.try_face::<false>(s, &scaled, face, from, active);
-        }
+        nearest.try_faces::<0>(s, &scaled, &self.faces[0], from, active);
+        nearest.try_faces::<1>(s, &scaled, &self.faces[1], from, active);
+        nearest.try_faces::<2>(s, &scaled, &self.faces[2], from, active);
         let doubtful = (nearest.doubtful | !scaled.within.bits()) & active;
         let none = nearest.primitive.is(NONE).bits();
         let found = active & !doubtful & !none;
-        let [t, u, v] = self.details(s, rays, nearest.primitive);
-        let three = nearest.primitive + nearest.primitive.shift_left::<1>();
-        let normal = Vectors::gather(&self.normals, three);
-        Hits { found, doubtful, primitive: nearest.primitive, t, u, v, normal }
+        let primitive = nearest.primitive;
+        let corners = self.corners(primitive);
+        let [t, u, v] = details(s, rays, corners);
+        let normal = Vectors::gather(&self.normals, primitive + primitive.shift_left::<1>());
+        Hits { found, doubtful, primitive, corners, t, u, v, normal }
     }
 
     /// Whether anything lies before the rays' ends, in lanes `active`, at their directions' length; but for two triangles of each.
@@ -176,60 +181,59 @@ impl FewTriangles {
     pub fn blocked<S: Simd>(&self, s: S, rays: &Rays<S>, except: [Integers<S>; 2], active: u32) -> Blocked {
         let scaled = Scaled::new(s, rays, self.reach);
         let mut found = Found { surely: 0, perhaps: 0 };
-        for face in &self.parallelograms {
-            found.try_face::<S, true>(s, &scaled, face, except, active);
-            if found.surely & active == active {
-                break;
-            }
-        }
-        if found.surely & active != active {
-            for face in &self.singles {
-                found.try_face::<S, false>(s, &scaled, face, except, active);
-            }
-        }
+        found.try_faces::<S, 0>(s, &scaled, &self.faces[0], except, active);
+        found.try_faces::<S, 1>(s, &scaled, &self.faces[1], except, active);
+        found.try_faces::<S, 2>(s, &scaled, &self.faces[2], except, active);
         let within = scaled.within.bits();
         let surely = found.surely & within & active;
         Blocked { surely, doubtful: (found.perhaps | !within) & active & !surely }
     }
 
-    /// Distance and barycentric weights, as `triangle.rs` computes them.
+    /// Corners of triangles.
     #[inline(always)]
-    fn details<S: Simd>(&self, s: S, rays: &Rays<S>, primitive: Integers<S>) -> [Floats<S>; 3] {
-        let (o, d) = (rays.origin, rays.direction);
+    pub fn corners<S: Simd>(&self, primitive: Integers<S>) -> [Vectors<S>; 3] {
         let first = primitive.shift_left::<3>() + primitive;
-        let a = Vectors::gather(&self.corners, first);
-        let b = Vectors::gather(&self.corners, first + 3);
-        let c = Vectors::gather(&self.corners, first + 6);
-
-        // The triangle's box, as `slab_interval` has it.
-        let (near_x, far_x) = slab([a.x, b.x, c.x], o.x, d.x);
-        let (near_y, far_y) = slab([a.y, b.y, c.y], o.y, d.y);
-        let (near_z, far_z) = slab([a.z, b.z, c.z], o.z, d.z);
-        let enter = near_z.max(near_y.max(near_x.max(Floats::splat(s, 0.0))));
-        let leave = far_z.min(far_y.min(far_x.min(Floats::splat(s, f32::INFINITY))));
-
-        let corner = widened(a);
-        let (e1, e2) = (difference(widened(b), corner), difference(widened(c), corner));
-        let n = [e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2], e1[0] * e2[1] - e1[1] * e2[0]];
-        let plane_t =
-            (dot_from_zero(s, n, difference(corner, widened(o))) / dot_from_zero(s, n, widened(d))).narrow();
-        let leave = leave.max(enter);
-        let t = leave.min(enter.max(plane_t));
-
-        // In the ray's order of axes: the direction's longest component comes last.
-        let last = LongestAxis::of(d);
-        let (o, d) = (widened(last.permuted(o)), widened(last.permuted(d)));
-        let a = sheared(widened(last.permuted(a)), o, d);
-        let b = sheared(widened(last.permuted(b)), o, d);
-        let c = sheared(widened(last.permuted(c)), o, d);
-        let u = c[0] * b[1] - c[1] * b[0];
-        let v = a[0] * c[1] - a[1] * c[0];
-        let w = b[0] * a[1] - b[1] * a[0];
-        let sum = u + v + w;
-        let second = v / sum;
-        let third = (w / sum).min(Floats::splat(s, 1.0).widen() - second);
-        [t, second.narrow(), third.narrow()]
+        [
+            Vectors::gather(&self.corners, first),
+            Vectors::gather(&self.corners, first + 3),
+            Vectors::gather(&self.corners, first + 6),
+        ]
     }
+}
+
+/// Distance and barycentric weights, as `triangle.rs` computes them.
+#[inline(always)]
+fn details<S: Simd>(s: S, rays: &Rays<S>, [a, b, c]: [Vectors<S>; 3]) -> [Floats<S>; 3] {
+    let (o, d) = (rays.origin, rays.direction);
+
+    // The triangle's box, as `slab_interval` has it.
+    let (near_x, far_x) = slab([a.x, b.x, c.x], o.x, d.x);
+    let (near_y, far_y) = slab([a.y, b.y, c.y], o.y, d.y);
+    let (near_z, far_z) = slab([a.z, b.z, c.z], o.z, d.z);
+    let enter = near_z.max(near_y.max(near_x.max(Floats::splat(s, 0.0))));
+    let leave = far_z.min(far_y.min(far_x.min(Floats::splat(s, f32::INFINITY))));
+
+    let corner = widened(a);
+    let (e1, e2) = (difference(widened(b), corner), difference(widened(c), corner));
+    let n = [e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2], e1[0] * e2[1] - e1[1] * e2[0]];
+    let plane_t =
+        (dot_from_zero(s, n, difference(corner, widened(o))) / dot_from_zero(s, n, widened(d))).narrow();
+    let leave = leave.max(enter);
+    let t = leave.min(enter.max(plane_t));
+
+    // In the ray's order of axes: the direction's longest component comes last.
+    let last = LongestAxis::of(d);
+    let (o, d) = (widened(last.permuted(o)), widened(last.permuted(d)));
+    let a = sheared(widened(last.permuted(a)), o, d);
+    let b = sheared(widened(last.permuted(b)), o, d);
+    let c = sheared(widened(last.permuted(c)), o, d);
+    let u = c[0] * b[1] - c[1] * b[0];
+    let v = a[0] * c[1] - a[1] * c[0];
+    let w = b[0] * a[1] - b[1] * a[0];
+    let sum = u + v + w;
+    let second = v / sum;
+    let third = (w / sum).min(Floats::splat(s, 1.0).widen() - second);
+    [t, second.narrow(), third.narrow()]
 }
 
 /// Where rays enter and leave the slab of a triangle's box along an axis.
@@ -318,41 +322,48 @@ struct Meeting<S: Simd> {
     t: Floats<S>,
     /// How far from its edges, positive inside.
     margin: Floats<S>,
-    /// How far from the diagonal, positive in the first triangle; of single triangles part of the margin.
-    diagonal: Floats<S>,
+    /// Where, along the two axes that follow the face's.
+    p: (Floats<S>, Floats<S>),
     /// Bound on the errors of all of these.
     error: Floats<S>,
 }
 
-/// An equation's value at points.
+/// An equation's value at points, for two of their coordinates.
 #[inline(always)]
-fn value<S: Simd>(s: S, [x, y, z, w]: &Equation, p: Vectors<S>) -> Floats<S> {
-    Floats::load(s, x) * p.x + Floats::load(s, y) * p.y + Floats::load(s, z) * p.z + Floats::load(s, w)
+fn value<S: Simd>(s: S, [a, b, c]: &Equation, (x, y): (Floats<S>, Floats<S>)) -> Floats<S> {
+    Floats::load(s, a) * x + Floats::load(s, b) * y + Floats::load(s, c)
+}
+
+/// A component, and the two that follow it.
+#[inline(always)]
+fn components<S: Simd, const AXIS: usize>(
+    Vectors { x, y, z }: Vectors<S>,
+) -> (Floats<S>, (Floats<S>, Floats<S>)) {
+    match AXIS {
+        0 => (x, (y, z)),
+        1 => (y, (z, x)),
+        _ => (z, (x, y)),
+    }
 }
 
 impl<S: Simd> Meeting<S> {
     #[inline(always)]
-    fn new<const PAIR: bool>(s: S, rays: &Scaled<S>, face: &Face) -> Self {
-        let (o, d) = (rays.origin, rays.direction);
-        let normal = Vectors::new(
-            Floats::load(s, &face.plane[0]),
-            Floats::load(s, &face.plane[1]),
-            Floats::load(s, &face.plane[2]),
-        );
-        let height = value(s, &face.plane, o);
-        let inverse = 1.0 / normal.dot(d);
+    fn new<const AXIS: usize, const PAIR: bool>(s: S, rays: &Scaled<S>, face: &Face) -> Self {
+        let (o, o_across) = components::<S, AXIS>(rays.origin);
+        let (d, d_across) = components::<S, AXIS>(rays.direction);
+        let [a, b, _] = &face.plane;
+        let rate = Floats::load(s, a) * d_across.0 + Floats::load(s, b) * d_across.1 + d;
+        let height = value(s, &face.plane, o_across) + o;
+        let inverse = 1.0 / rate;
         let t = -(height * inverse);
         let error = inverse.abs() * (Floats::load(s, &face.error) + t.abs() * ERROR);
-        let p = o + d.scaled(t);
-        let (u, v) = (value(s, &face.edges[0], p), value(s, &face.edges[1], p));
-        let diagonal = value(s, &face.diagonal, p);
-        let margin = if PAIR {
-            let (width, height) = (Floats::load(s, &face.widths[0]), Floats::load(s, &face.widths[1]));
-            u.min(width - u).min(v.min(height - v))
-        } else {
-            u.min(v).min(diagonal)
-        };
-        Self { t, margin, diagonal, error }
+        let p = (o_across.0 + d_across.0 * t, o_across.1 + d_across.1 * t);
+        let [first, second, third, fourth] = &face.edges;
+        let mut margin = value(s, first, p).min(value(s, second, p)).min(value(s, third, p));
+        if PAIR {
+            margin = margin.min(value(s, fourth, p));
+        }
+        Self { t, p, margin, error }
     }
 
     /// Which triangle of the face it is, and where that is sure.
@@ -360,8 +371,9 @@ impl<S: Simd> Meeting<S> {
     fn triangle<const PAIR: bool>(&self, s: S, face: &Face) -> (Integers<S>, Mask<S>) {
         let (first, second) = (Integers::splat(s, face.triangles[0]), Integers::splat(s, face.triangles[1]));
         if PAIR {
-            let sure = self.error.less(self.diagonal.abs());
-            (second.or_where_not(self.diagonal.less(Floats::splat(s, 0.0)), first), sure)
+            let diagonal = value(s, &face.diagonal, self.p);
+            let sure = self.error.less(diagonal.abs());
+            (second.or_where_not(diagonal.less(Floats::splat(s, 0.0)), first), sure)
         } else {
             (first, Mask::splat(s, true))
         }
@@ -379,9 +391,26 @@ struct Nearest<S: Simd> {
 }
 
 impl<S: Simd> Nearest<S> {
+    #[inline(always)]
+    fn try_faces<const AXIS: usize>(
+        &mut self,
+        s: S,
+        rays: &Scaled<S>,
+        faces: &Faces,
+        from: Integers<S>,
+        active: u32,
+    ) {
+        for face in &faces.quadrangles {
+            self.try_face::<AXIS, true>(s, rays, face, from, active);
+        }
+        for face in &faces.singles {
+            self.try_face::<AXIS, false>(s, rays, face, from, active);
+        }
+    }
+
     /// Written so that what is no number is doubtful.
     #[inline(always)]
-    fn try_face<const PAIR: bool>(
+    fn try_face<const AXIS: usize, const PAIR: bool>(
         &mut self,
         s: S,
         rays: &Scaled<S>,
@@ -389,7 +418,7 @@ impl<S: Simd> Nearest<S> {
         from: Integers<S>,
         active: u32,
     ) {
-        let meeting = Meeting::new::<PAIR>(s, rays, face);
+        let meeting = Meeting::new::<AXIS, PAIR>(s, rays, face);
         let Meeting { t, margin, error, .. } = meeting;
         let (near, far) = (t - error, t + error);
         let away = margin.less(-error) | t.less(-error) | self.most.less(near);
@@ -414,7 +443,24 @@ struct Found {
 
 impl Found {
     #[inline(always)]
-    fn try_face<S: Simd, const PAIR: bool>(
+    fn try_faces<S: Simd, const AXIS: usize>(
+        &mut self,
+        s: S,
+        rays: &Scaled<S>,
+        faces: &Faces,
+        except: [Integers<S>; 2],
+        active: u32,
+    ) {
+        for face in &faces.quadrangles {
+            self.try_face::<S, AXIS, true>(s, rays, face, except, active);
+        }
+        for face in &faces.singles {
+            self.try_face::<S, AXIS, false>(s, rays, face, except, active);
+        }
+    }
+
+    #[inline(always)]
+    fn try_face<S: Simd, const AXIS: usize, const PAIR: bool>(
         &mut self,
         s: S,
         rays: &Scaled<S>,
@@ -422,7 +468,7 @@ impl Found {
         except: [Integers<S>; 2],
         active: u32,
     ) {
-        let meeting = Meeting::new::<PAIR>(s, rays, face);
+        let meeting = Meeting::new::<AXIS, PAIR>(s, rays, face);
         let Meeting { t, margin, error, .. } = meeting;
         let end = rays.length;
         let away = margin.less(-error) | t.less(-error) | end.less(t - error);
@@ -461,56 +507,68 @@ fn unit(a: DVec) -> DVec {
     a.map(|x| x / length)
 }
 
-/// The corners of the first triangle, turned so that the edge that it shares with the second lies across from its first corner, where both
-/// make up a parallelogram.
-fn parallelogram(first: &[DVec; 3], second: &[DVec; 3], reach: f32) -> Option<[DVec; 3]> {
-    let off = |a: DVec, b: DVec| sub(a, b).into_iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+/// The corners of a convex quadrangle in a plane whose halves are two triangles: those of the first, beginning with the one that the second
+/// has not, and the other one's last.
+fn quadrangle(first: &[DVec; 3], second: &[DVec; 3], reach: f32) -> Option<[DVec; 4]> {
     let [a, b, c] = *first;
-    [[a, b, c], [b, c, a], [c, a, b]].into_iter().find(|[across, from, to]| {
-        let shared = |corner: &DVec| *corner == *from || *corner == *to;
-        let Some(last) = second.iter().find(|corner| !shared(corner)) else { return false };
-        let opposite = [0, 1, 2].map(|i| from[i] + to[i] - across[i]);
-        second.iter().filter(|corner| shared(corner)).count() == 2
-            && second.contains(from)
-            && second.contains(to)
-            && off(opposite, *last) <= SAME_CORNER * f64::from(reach)
+    [[a, b, c], [b, c, a], [c, a, b]].into_iter().find_map(|[across, from, to]| {
+        let last = *second.iter().find(|corner| **corner != from && **corner != to)?;
+        if !second.contains(&from) || !second.contains(&to) {
+            return None;
+        }
+        let normal = unit(cross(sub(from, across), sub(to, across)));
+        let flat = dot(normal, sub(last, across)).abs() <= FLAT * f64::from(reach);
+        let round = [across, from, last, to];
+        let left = |i: usize| {
+            let [p, q, r] = [0, 1, 2].map(|k| round[(i + k) % 4]);
+            dot(normal, cross(sub(q, p), sub(r, q))) > 0.0
+        };
+        (flat && (0..4).all(left)).then_some([across, from, to, last])
     })
 }
 
 impl Face {
-    /// `corners`: of the first triangle; the second lies beyond the edge between the last two. `None` where it is too narrow.
-    fn new([a, b, c]: &[DVec; 3], triangles: [u32; 2], reach: f32) -> Option<Self> {
+    /// `corners`: of the first triangle; the last lies beyond the edge between the second and third. Of a single triangle that is the
+    /// first once more. `None` where one of them is too narrow. The axis that it faces most as well.
+    fn new([a, b, c, d]: &[DVec; 4], triangles: [u32; 2], reach: f32) -> Option<(usize, Self)> {
+        let normal = cross(sub(*b, *a), sub(*c, *a));
+        let axis = (0..3).fold(0, |most, i| if normal[i].abs() > normal[most].abs() { i } else { most });
+        let (first, second) = ((axis + 1) % 3, (axis + 2) % 3);
         let splat = |x: f64| F8([x as f32; 8]);
-        let equation = |n: DVec, at: DVec| {
-            let [x, y, z] = n.map(splat);
-            [x, y, z, splat(-dot(n, at))]
+        let [x, y] = [first, second].map(|i| normal[i] / normal[axis]);
+        let plane = [splat(x), splat(y), splat(-(a[axis] + x * a[first] + y * a[second]))];
+        // Distance from the edge between two corners, on the side of a third, seen along the axis; and how far that is away.
+        let edge = |p: &DVec, q: &DVec, inside: &DVec| {
+            let (dx, dy) = (q[first] - p[first], q[second] - p[second]);
+            let length = (dx * dx + dy * dy).sqrt();
+            let (nx, ny) = (-dy / length, dx / length);
+            let height = nx * (inside[first] - p[first]) + ny * (inside[second] - p[second]);
+            let [nx, ny] = [nx, ny].map(|n| n * height.signum());
+            ([splat(nx), splat(ny), splat(-(nx * p[first] + ny * p[second]))], height.abs())
         };
-        let normal = unit(cross(sub(*b, *a), sub(*c, *a)));
-        // Distance from the edge between two corners, on the side of the third.
-        let edge = |p: DVec, q: DVec, inside: DVec| {
-            let n = unit(cross(normal, sub(q, p)));
-            let height = dot(n, sub(inside, p));
-            (equation(n.map(|x| x * height.signum()), p), height.abs())
-        };
-        let (first, width) = edge(*a, *b, *c);
-        let (second, height) = edge(*a, *c, *b);
-        let (diagonal, third) = edge(*b, *c, *a);
-        let least = width.min(height).min(third);
+        let pair = triangles[1] != NONE;
+        let diagonal = edge(b, c, a);
+        let edges = [
+            edge(a, b, c),
+            edge(c, a, b),
+            if pair { edge(b, d, c) } else { diagonal },
+            if pair { edge(d, c, b) } else { diagonal },
+        ];
         // What is no number is too narrow as well.
-        let wide_enough = least >= LEAST_HEIGHT * f64::from(reach);
-        if !wide_enough {
+        let least = f64::from(reach) * LEAST_HEIGHT;
+        let narrow = |height: f64| height.is_nan() || height < least;
+        if narrow(diagonal.1) || edges.iter().any(|edge| narrow(edge.1)) {
             return None;
         }
-        let error =
-            ERROR * 2.0 * reach + if triangles[1] == NONE { 0.0 } else { SAME_CORNER as f32 * 4.0 * reach };
-        Some(Self {
-            plane: equation(normal, *a),
-            edges: [first, second],
-            diagonal,
-            widths: [splat(width), splat(height)],
-            error: F8([error; 8]),
+        let off = if pair { 2.0 * FLAT as f32 } else { 0.0 };
+        let face = Self {
+            plane,
+            edges: edges.map(|edge| edge.0),
+            diagonal: diagonal.0,
+            error: F8([(ERROR + 3.0 * off) * reach; 8]),
             triangles,
-        })
+        };
+        Some((axis, face))
     }
 }
 

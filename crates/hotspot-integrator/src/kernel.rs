@@ -286,7 +286,7 @@ impl TileJob<'_> {
 }
 
 /// Samples that are taken together, eight at a time: so many that those that end last do not matter.
-const TOGETHER: usize = 1024;
+const TOGETHER: usize = 2048;
 
 /// Some samples of a pixel's half.
 struct Visit {

@@ -12,12 +12,12 @@ use core::arch::x86_64::{
     _mm256_blendv_ps, _mm256_broadcastsi128_si256, _mm256_castps_si256, _mm256_castps256_ps128,
     _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_cvtepi32_ps, _mm256_cvtpd_ps,
     _mm256_cvtps_pd, _mm256_div_pd, _mm256_div_ps, _mm256_extractf128_ps, _mm256_i32gather_epi32,
-    _mm256_i32gather_ps, _mm256_load_ps, _mm256_load_si256, _mm256_loadu_si256, _mm256_max_ps,
-    _mm256_min_epu32, _mm256_min_pd, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_pd, _mm256_mul_ps,
-    _mm256_mullo_epi32, _mm256_or_ps, _mm256_or_si256, _mm256_set_m128, _mm256_set1_epi8, _mm256_set1_epi32,
-    _mm256_set1_ps, _mm256_shuffle_epi8, _mm256_slli_epi32, _mm256_sqrt_ps, _mm256_srli_epi32,
-    _mm256_store_ps, _mm256_store_si256, _mm256_sub_epi32, _mm256_sub_pd, _mm256_sub_ps, _mm256_xor_ps,
-    _mm256_xor_si256,
+    _mm256_i32gather_ps, _mm256_load_ps, _mm256_load_si256, _mm256_loadu_ps, _mm256_loadu_si256,
+    _mm256_max_ps, _mm256_min_epu32, _mm256_min_pd, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_pd,
+    _mm256_mul_ps, _mm256_mullo_epi32, _mm256_or_ps, _mm256_or_si256, _mm256_permutevar8x32_ps,
+    _mm256_set_m128, _mm256_set1_epi8, _mm256_set1_epi32, _mm256_set1_ps, _mm256_shuffle_epi8,
+    _mm256_slli_epi32, _mm256_sqrt_ps, _mm256_srli_epi32, _mm256_store_ps, _mm256_store_si256,
+    _mm256_storeu_ps, _mm256_sub_epi32, _mm256_sub_pd, _mm256_sub_ps, _mm256_xor_ps, _mm256_xor_si256,
 };
 
 /// Proof that the processor has AVX2, BMI1, BMI2, LZCNT and POPCNT.
@@ -247,6 +247,21 @@ impl Simd for Avx2 {
     fn equal_integers(self, a: __m256i, b: __m256i) -> __m256 {
         // SAFETY: `self` proves AVX2.
         unsafe { _mm256_castsi256_ps(_mm256_cmpeq_epi32(a, b)) }
+    }
+    #[inline(always)]
+    fn permute(self, a: __m256, indices: __m256i) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_permutevar8x32_ps(a, indices) }
+    }
+    #[inline(always)]
+    fn read(self, from: &[f32; 8]) -> __m256 {
+        // SAFETY: `self` proves AVX2; the reference is valid for 32 bytes, and unaligned loads ask for nothing else.
+        unsafe { _mm256_loadu_ps(from.as_ptr()) }
+    }
+    #[inline(always)]
+    fn write(self, vector: __m256, to: &mut [f32; 8]) {
+        // SAFETY: `self` proves AVX2; the reference is valid for 32 bytes, and unaligned stores ask for nothing else.
+        unsafe { _mm256_storeu_ps(to.as_mut_ptr(), vector) }
     }
     #[inline(always)]
     fn gather(self, from: &[f32], indices: __m256i) -> __m256 {

@@ -33,6 +33,24 @@ pub struct Vectors<S: Simd> {
     pub z: Floats<S>,
 }
 
+/// Of each set of lanes, as bits: their numbers, in order, and then 0.
+static SET_BITS: [U8; 256] = {
+    let mut all = [U8([0; 8]); 256];
+    let mut bits = 0;
+    while bits < 256 {
+        let (mut lane, mut place) = (0, 0);
+        while lane < 8 {
+            if bits >> lane & 1 != 0 {
+                all[bits].0[place] = lane;
+                place += 1;
+            }
+            lane += 1;
+        }
+        bits += 1;
+    }
+    all
+};
+
 /// Lane by lane between two of a type.
 macro_rules! operators {
     ($type:ident: $($operator:ident $method:ident $function:ident),*) => {$(
@@ -108,6 +126,37 @@ impl<S: Simd> Floats<S> {
     #[inline(always)]
     pub fn store(self) -> F8 {
         self.0.store(self.1)
+    }
+
+    /// The entries of a table of eight with these indices, of which the three lowest bits count.
+    #[inline(always)]
+    pub fn look_up(table: &F8, indices: Integers<S>) -> Self {
+        Self::load(indices.0, table).permuted(indices)
+    }
+
+    /// Lane i gets lane `indices[i]`.
+    #[inline(always)]
+    #[must_use]
+    pub fn permuted(self, indices: Integers<S>) -> Self {
+        Self(self.0, self.0.permute(self.1, indices.1))
+    }
+
+    /// The eight numbers of a list from this place on.
+    ///
+    /// # Panics
+    /// Where there are fewer.
+    #[inline(always)]
+    pub fn read(s: S, from: &[f32], at: usize) -> Self {
+        Self(s, s.read(from[at..].first_chunk().expect("eight are left")))
+    }
+
+    /// To a list from this place on.
+    ///
+    /// # Panics
+    /// Where it ends before.
+    #[inline(always)]
+    pub fn write(self, to: &mut [f32], at: usize) {
+        self.0.write(self.1, to[at..].first_chunk_mut().expect("eight are left"));
     }
 
     /// The entries of a table with these indices ([`Simd::gather`]).
@@ -202,6 +251,19 @@ impl<S: Simd> Integers<S> {
         self.0.store_integers(self.1)
     }
 
+    /// The entries of a table of eight with these indices, of which the three lowest bits count.
+    #[inline(always)]
+    #[must_use]
+    pub fn look_up(table: &U8, indices: Self) -> Self {
+        Self::load(indices.0, table).as_bits().permuted(indices).bits()
+    }
+
+    /// The numbers of the lanes whose bit is set, in order; then others.
+    #[inline(always)]
+    pub fn of_set_bits(s: S, bits: u32) -> Self {
+        Self::load(s, &SET_BITS[bits as usize & 0xff])
+    }
+
     /// The entries of a table with these indices ([`Simd::gather_integers`]).
     ///
     /// # Panics
@@ -209,6 +271,13 @@ impl<S: Simd> Integers<S> {
     #[inline(always)]
     pub fn gather(from: &[u32], indices: Self) -> Self {
         Self(indices.0, indices.0.gather_integers(from, indices.1))
+    }
+
+    /// Lane i gets lane `indices[i]`.
+    #[inline(always)]
+    #[must_use]
+    pub fn permuted(self, indices: Self) -> Self {
+        self.as_bits().permuted(indices).bits()
     }
 
     /// << N.
@@ -383,6 +452,12 @@ impl<S: Simd> Vectors<S> {
         )
     }
 
+    /// The entries of three tables of eight.
+    #[inline(always)]
+    pub fn look_up([x, y, z]: &[F8; 3], indices: Integers<S>) -> Self {
+        Self::new(Floats::look_up(x, indices), Floats::look_up(y, indices), Floats::look_up(z, indices))
+    }
+
     /// Scalar product, added up in order.
     #[inline(always)]
     pub fn dot(self, other: Self) -> Floats<S> {
@@ -394,6 +469,13 @@ impl<S: Simd> Vectors<S> {
     #[must_use]
     pub fn scaled(self, by: Floats<S>) -> Self {
         Self::new(self.x * by, self.y * by, self.z * by)
+    }
+
+    /// Lane i gets lane `indices[i]`.
+    #[inline(always)]
+    #[must_use]
+    pub fn permuted(self, indices: Integers<S>) -> Self {
+        Self::new(self.x.permuted(indices), self.y.permuted(indices), self.z.permuted(indices))
     }
 
     /// Without signs.

@@ -122,6 +122,12 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn bits_of(self, a: Self::Vector) -> Self::Integers;
     /// The same bits.
     fn floats_of(self, a: Self::Integers) -> Self::Vector;
+    /// Lane i gets lane `indices[i]` of a: of each index its three lowest bits.
+    fn permute(self, a: Self::Vector, indices: Self::Integers) -> Self::Vector;
+    /// From memory of any alignment.
+    fn read(self, from: &[f32; 8]) -> Self::Vector;
+    /// To memory of any alignment.
+    fn write(self, vector: Self::Vector, to: &mut [f32; 8]);
     /// The entries with these indices, the last one for indices beyond.
     ///
     /// # Panics

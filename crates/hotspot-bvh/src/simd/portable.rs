@@ -244,6 +244,21 @@ impl Simd for Portable {
         ))
     }
     #[inline(always)]
+    fn permute(self, a: F8, indices: U8) -> F8 {
+        F8(core::array::from_fn(
+            #[inline(always)]
+            |i| a.0[indices.0[i] as usize & 7],
+        ))
+    }
+    #[inline(always)]
+    fn read(self, from: &[f32; 8]) -> F8 {
+        F8(*from)
+    }
+    #[inline(always)]
+    fn write(self, vector: F8, to: &mut [f32; 8]) {
+        *to = vector.0;
+    }
+    #[inline(always)]
     fn gather(self, from: &[f32], indices: U8) -> F8 {
         let last = super::last_index(from.len());
         F8(core::array::from_fn(

@@ -18,7 +18,7 @@ use crate::light::LightLanes;
 use crate::scene::RenderScene;
 use glam::Vec3;
 use hotspot_bvh::few::FewTriangles;
-use hotspot_bvh::simd::{Doubles, F8, Floats, Integers, Simd, Vectors};
+use hotspot_bvh::simd::{Doubles, F8, Floats, Simd, Vectors};
 use hotspot_scene::Bsdf;
 pub(crate) use path::{SampleList, View, trace_samples};
 pub(crate) use sampler::table;
@@ -29,7 +29,8 @@ pub(crate) struct SmallScene {
     few: FewTriangles,
     lights: LightLanes,
     /// Of each triangle, by its number.
-    points: PointTables,
+    /// [`SurfaceTriangle::error`].
+    errors: Vec<f32>,
     least_height: Vec<f32>,
     reflectance: Vec<f32>,
     emission: Vec<f32>,
@@ -40,6 +41,8 @@ pub(crate) struct SmallScene {
     normals: Vec<f32>,
     /// 1 where the surface has normals of its own.
     smooth: Vec<u32>,
+    /// Whether those of a triangle's corners are the same.
+    flat: bool,
 }
 
 impl SmallScene {
@@ -63,12 +66,13 @@ impl SmallScene {
         Some(Self {
             few,
             lights,
-            points: PointTables::new(geometry.triangles.iter()),
+            errors: geometry.triangles.iter().flat_map(|t| SurfaceTriangle::new(t).error).collect(),
             least_height: geometry.least_heights().to_vec(),
             reflectance: all.clone().flat_map(reflectance).collect(),
             emission: all.clone().flat_map(|t| material(t).emission.factor).collect(),
             light_pdf_area: all.clone().map(|t| geometry.part(t).light_pdf_area).collect(),
             two_sided: all.map(|t| u32::from(material(t).double_sided)).collect(),
+            flat: normals.iter().flatten().all(|[a, b, c]| a == b && a == c),
             smooth: normals.iter().map(|n| u32::from(n.is_some())).collect(),
             normals: if smooth {
                 normals.iter().flat_map(|n| n.unwrap_or([Vec3::ZERO; 3])).flat_map(|n| n.to_array()).collect()
@@ -79,58 +83,11 @@ impl SmallScene {
     }
 }
 
-/// Triangles on which points are wanted, in tables.
-#[derive(Clone, Debug)]
-pub(crate) struct PointTables {
-    /// Corner by corner.
-    corners: Vec<f32>,
-    /// [`SurfaceTriangle::error`].
-    errors: Vec<f32>,
-}
-
 /// [`SurfacePoint`]s in lanes.
 #[derive(Clone, Copy)]
 pub(crate) struct PointLanes<S: Simd> {
     pub(crate) p: Vectors<S>,
     pub(crate) error: Vectors<S>,
-}
-
-impl PointTables {
-    pub(crate) fn new<'a>(triangles: impl Iterator<Item = &'a [[f32; 3]; 3]> + Clone) -> Self {
-        Self {
-            corners: triangles.clone().flatten().flatten().copied().collect(),
-            errors: triangles.flat_map(|triangle| SurfaceTriangle::new(triangle).error).collect(),
-        }
-    }
-
-    /// First corners.
-    #[inline(always)]
-    pub(crate) fn corner<S: Simd>(&self, triangle: Integers<S>) -> Vectors<S> {
-        Vectors::gather(&self.corners, triangle.shift_left::<3>() + triangle)
-    }
-
-    /// [`SurfaceTriangle::point`].
-    #[inline(always)]
-    pub(crate) fn point<S: Simd>(
-        &self,
-        s: S,
-        triangle: Integers<S>,
-        u: Floats<S>,
-        v: Floats<S>,
-    ) -> PointLanes<S> {
-        let first = triangle.shift_left::<3>() + triangle;
-        let a = Vectors::gather(&self.corners, first);
-        let b = Vectors::gather(&self.corners, first + 3);
-        let c = Vectors::gather(&self.corners, first + 6);
-        let errors = Vectors::gather(&self.errors, triangle.shift_left::<1>() + triangle);
-        let (u, v) = (u.widen(), v.widen());
-        let x = interpolated([a.x, b.x, c.x], u, v);
-        let y = interpolated([a.y, b.y, c.y], u, v);
-        let z = interpolated([a.z, b.z, c.z], u, v);
-        let p = Vectors::new(x, y, z);
-        let error = p.abs().scaled(Floats::splat(s, 3.0 * (0.5 * f32::EPSILON))) + errors;
-        PointLanes { p, error }
-    }
 }
 
 #[inline(always)]
@@ -140,6 +97,24 @@ fn interpolated<S: Simd>([a, b, c]: [Floats<S>; 3], u: Doubles<S>, v: Doubles<S>
 }
 
 impl<S: Simd> PointLanes<S> {
+    /// [`SurfaceTriangle::point`]; `errors`: the triangles' share.
+    #[inline(always)]
+    pub(crate) fn new(
+        s: S,
+        [a, b, c]: [Vectors<S>; 3],
+        errors: Vectors<S>,
+        u: Floats<S>,
+        v: Floats<S>,
+    ) -> Self {
+        let (u, v) = (u.widen(), v.widen());
+        let x = interpolated([a.x, b.x, c.x], u, v);
+        let y = interpolated([a.y, b.y, c.y], u, v);
+        let z = interpolated([a.z, b.z, c.z], u, v);
+        let p = Vectors::new(x, y, z);
+        let error = p.abs().scaled(Floats::splat(s, 3.0 * (0.5 * f32::EPSILON))) + errors;
+        Self { p, error }
+    }
+
     /// With lanes `bits` replaced one by one.
     #[inline(always)]
     pub(crate) fn replaced(self, s: S, mut bits: u32, mut by: impl FnMut(usize) -> SurfacePoint) -> Self {

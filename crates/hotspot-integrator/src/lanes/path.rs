@@ -1,6 +1,7 @@
 //! The path loop in lanes: [`crate::path::trace`] of a matte scene, for eight samples at once.
 //!
-//! A lane whose path ends takes the next sample, so lanes stay busy to the end of the list. What every lane can do is done for all of them;
+//! Paths wait in a pool, packed: eight are read, taken one segment further, and those that go on are written back side by side; the pool is
+//! filled up with new samples, so lanes stay busy to the end of the list. What every lane can do is done for all of them;
 //! what few need (doubtful rays, points at edges) is done one by one, by the same code as for single paths.
 
 use super::math::{facing, max_element, power_heuristic, square_to_cosine_hemisphere, to_world};
@@ -88,77 +89,59 @@ struct Vertex<S: Simd> {
     reflectance: Vectors<S>,
 }
 
+/// Paths that wait for their next segment.
+const WAITING: usize = 128;
+
+/// Lists for what a path is made of ([`Paths`]).
+const LISTS: usize = 21;
+
+/// The paths that wait, packed: list by list, with room for eight more than there may be.
+struct Pool(Box<[[f32; WAITING + 8]; LISTS]>);
+
 /// Takes all samples of a list; their radiance goes to `found`, in the list's order.
 #[inline(always)]
 pub(crate) fn trace_samples<S: Simd>(s: S, view: &View<'_>, list: &SampleList, found: &mut Vec<[f32; 3]>) {
     found.clear();
     found.resize(list.len(), [0.0; 3]);
-    let mut next = 0usize;
-    let mut alive = 0u32;
-    let mut paths = Paths::<S>::none(s, view);
+    let mut pool = Pool(Box::new([[0.0; WAITING + 8]; LISTS]));
+    let (mut waiting, mut next) = (0, 0);
     loop {
-        if alive != 0xff && next < list.len() {
-            let (numbers, starting) = numbers(!alive & 0xff, &mut next, list.len());
-            let fresh = Paths::starting(s, view, list, Integers::load(s, &numbers));
-            paths = fresh.or_where_not(Mask::of_bits(s, starting), &paths);
-            alive |= starting;
+        while waiting + 8 <= WAITING && next < list.len() {
+            Paths::starting(s, view, list, next as u32).write(&mut pool, waiting);
+            let count = (list.len() - next).min(8);
+            waiting += count;
+            next += count;
         }
-        if alive == 0 {
+        if waiting == 0 {
             return;
         }
-        let before = alive;
-        alive = paths.step(s, view, alive);
-        let ended = before & !alive;
-        if ended != 0 {
-            let (numbers, radiance) = (paths.number.store(), paths.radiance.store());
-            let mut left = ended;
-            while left != 0 {
-                let lane = left.trailing_zeros() as usize & 7;
-                left &= left - 1;
-                let [x, y, z] = &radiance;
-                found[numbers.0[lane] as usize] = [x.0[lane], y.0[lane], z.0[lane]];
+        // What goes on is written over what has been read.
+        let mut going_on = 0;
+        for at in (0..waiting).step_by(8) {
+            let mut paths = Paths::read(s, view, &pool, at);
+            let all = if waiting - at < 8 { (1 << (waiting - at)) - 1 } else { 0xff };
+            let alive = paths.step(s, view, all);
+            let mut ended = all & !alive;
+            if ended != 0 {
+                let (numbers, [x, y, z]) = (paths.number.store(), paths.radiance.store());
+                while ended != 0 {
+                    let lane = ended.trailing_zeros() as usize & 7;
+                    ended &= ended - 1;
+                    found[numbers.0[lane] as usize] = [x.0[lane], y.0[lane], z.0[lane]];
+                }
             }
+            paths.permuted(Integers::of_set_bits(s, alive)).write(&mut pool, going_on);
+            going_on += alive.count_ones() as usize;
         }
+        waiting = going_on;
     }
-}
-
-/// The next numbers of a list for the lanes `free`, and the lanes that got one.
-#[inline(always)]
-fn numbers(free: u32, next: &mut usize, len: usize) -> (U8, u32) {
-    let mut numbers = U8([0; 8]);
-    let mut starting = 0;
-    for (lane, number) in numbers.0.iter_mut().enumerate() {
-        let takes = free >> lane & 1 != 0 && *next < len;
-        *number = *next as u32;
-        *next += usize::from(takes);
-        starting |= u32::from(takes) << lane;
-    }
-    (numbers, starting)
 }
 
 impl<S: Simd> Paths<S> {
-    /// In place of paths.
+    /// At the camera: those of a list from `first` on; beyond its end anything.
     #[inline(always)]
-    fn none(s: S, view: &View<'_>) -> Self {
-        let (zero, none) = (Vectors::splat(s, [0.0; 3]), Integers::splat(s, NONE));
-        let points = Points { key: none, index: none, table: view.table };
-        Self {
-            rays: Rays { origin: zero, direction: zero },
-            from: none,
-            radiance: zero,
-            throughput: zero,
-            survival_scale: zero.x,
-            scattered_pdf: zero.x,
-            bounces: none,
-            light: [zero.x; 2],
-            points,
-            number: none,
-        }
-    }
-
-    /// At the camera.
-    #[inline(always)]
-    fn starting(s: S, view: &View<'_>, list: &SampleList, number: Integers<S>) -> Self {
+    fn starting(s: S, view: &View<'_>, list: &SampleList, first: u32) -> Self {
+        let number = Integers::load(s, &U8([0, 1, 2, 3, 4, 5, 6, 7])) + first;
         let key = Integers::gather(&list.key, number);
         let points = Points { key, index: Integers::gather(&list.index, number), table: view.table };
         let [u, v, light @ ..] = points.camera(s);
@@ -179,27 +162,94 @@ impl<S: Simd> Paths<S> {
         }
     }
 
-    /// `self` where `mask`, else `other`.
+    /// Those of a pool from `at` on.
     #[inline(always)]
-    fn or_where_not(self, mask: Mask<S>, other: &Self) -> Self {
+    fn read(s: S, view: &View<'_>, Pool(pool): &Pool, at: usize) -> Self {
         Self {
             rays: Rays {
-                origin: self.rays.origin.or_where_not(mask, other.rays.origin),
-                direction: self.rays.direction.or_where_not(mask, other.rays.direction),
+                origin: Vectors::new(
+                    Floats::read(s, &pool[0], at),
+                    Floats::read(s, &pool[1], at),
+                    Floats::read(s, &pool[2], at),
+                ),
+                direction: Vectors::new(
+                    Floats::read(s, &pool[3], at),
+                    Floats::read(s, &pool[4], at),
+                    Floats::read(s, &pool[5], at),
+                ),
             },
-            from: self.from.or_where_not(mask, other.from),
-            radiance: self.radiance.or_where_not(mask, other.radiance),
-            throughput: self.throughput.or_where_not(mask, other.throughput),
-            survival_scale: mask.select(self.survival_scale, other.survival_scale),
-            scattered_pdf: mask.select(self.scattered_pdf, other.scattered_pdf),
-            bounces: self.bounces.or_where_not(mask, other.bounces),
-            light: [mask.select(self.light[0], other.light[0]), mask.select(self.light[1], other.light[1])],
+            radiance: Vectors::new(
+                Floats::read(s, &pool[6], at),
+                Floats::read(s, &pool[7], at),
+                Floats::read(s, &pool[8], at),
+            ),
+            throughput: Vectors::new(
+                Floats::read(s, &pool[9], at),
+                Floats::read(s, &pool[10], at),
+                Floats::read(s, &pool[11], at),
+            ),
+            survival_scale: Floats::read(s, &pool[12], at),
+            scattered_pdf: Floats::read(s, &pool[13], at),
+            light: [Floats::read(s, &pool[14], at), Floats::read(s, &pool[15], at)],
+            from: Floats::read(s, &pool[16], at).bits(),
+            bounces: Floats::read(s, &pool[17], at).bits(),
             points: Points {
-                key: self.points.key.or_where_not(mask, other.points.key),
-                index: self.points.index.or_where_not(mask, other.points.index),
+                key: Floats::read(s, &pool[18], at).bits(),
+                index: Floats::read(s, &pool[19], at).bits(),
+                table: view.table,
+            },
+            number: Floats::read(s, &pool[20], at).bits(),
+        }
+    }
+
+    /// To a pool from `at` on, as [`Paths::read`] reads them.
+    #[inline(always)]
+    fn write(&self, Pool(pool): &mut Pool, at: usize) {
+        let Self { rays: Rays { origin, direction }, radiance, throughput, points, .. } = self;
+        origin.x.write(&mut pool[0], at);
+        origin.y.write(&mut pool[1], at);
+        origin.z.write(&mut pool[2], at);
+        direction.x.write(&mut pool[3], at);
+        direction.y.write(&mut pool[4], at);
+        direction.z.write(&mut pool[5], at);
+        radiance.x.write(&mut pool[6], at);
+        radiance.y.write(&mut pool[7], at);
+        radiance.z.write(&mut pool[8], at);
+        throughput.x.write(&mut pool[9], at);
+        throughput.y.write(&mut pool[10], at);
+        throughput.z.write(&mut pool[11], at);
+        self.survival_scale.write(&mut pool[12], at);
+        self.scattered_pdf.write(&mut pool[13], at);
+        self.light[0].write(&mut pool[14], at);
+        self.light[1].write(&mut pool[15], at);
+        self.from.as_bits().write(&mut pool[16], at);
+        self.bounces.as_bits().write(&mut pool[17], at);
+        points.key.as_bits().write(&mut pool[18], at);
+        points.index.as_bits().write(&mut pool[19], at);
+        self.number.as_bits().write(&mut pool[20], at);
+    }
+
+    /// Lane i gets lane `order[i]`.
+    #[inline(always)]
+    fn permuted(self, order: Integers<S>) -> Self {
+        Self {
+            rays: Rays {
+                origin: self.rays.origin.permuted(order),
+                direction: self.rays.direction.permuted(order),
+            },
+            radiance: self.radiance.permuted(order),
+            throughput: self.throughput.permuted(order),
+            survival_scale: self.survival_scale.permuted(order),
+            scattered_pdf: self.scattered_pdf.permuted(order),
+            light: [self.light[0].permuted(order), self.light[1].permuted(order)],
+            from: self.from.permuted(order),
+            bounces: self.bounces.permuted(order),
+            points: Points {
+                key: self.points.key.permuted(order),
+                index: self.points.index.permuted(order),
                 table: self.points.table,
             },
-            number: self.number.or_where_not(mask, other.number),
+            number: self.number.permuted(order),
         }
     }
 
@@ -239,7 +289,8 @@ impl<S: Simd> Paths<S> {
         let smooth = self.shading_normals(s, small, &hits);
         let front = zero.less_equal(wo.dot(smooth));
         let normal = smooth.or_where_not(front, -smooth);
-        let mut point = small.points.point(s, primitive, hits.u, hits.v);
+        let mut point =
+            PointLanes::new(s, hits.corners, Vectors::gather(&small.errors, three), hits.u, hits.v);
         let least =
             hits.u.min(hits.v).min(1.0 - hits.u - hits.v) * Floats::gather(&small.least_height, primitive);
         let at_edge = least.less(point.margin(s)).bits() & alive;
@@ -308,10 +359,13 @@ impl<S: Simd> Paths<S> {
             return hits.normal;
         }
         let first = hits.primitive.shift_left::<3>() + hits.primitive;
-        let a = Vectors::gather(&small.normals, first).scaled(1.0 - hits.u - hits.v);
-        let b = Vectors::gather(&small.normals, first + 3).scaled(hits.u);
-        let c = Vectors::gather(&small.normals, first + 6).scaled(hits.v);
-        let normal = a + b + c;
+        let a = Vectors::gather(&small.normals, first);
+        let (b, c) = if small.flat {
+            (a, a)
+        } else {
+            (Vectors::gather(&small.normals, first + 3), Vectors::gather(&small.normals, first + 6))
+        };
+        let normal = a.scaled(1.0 - hits.u - hits.v) + b.scaled(hits.u) + c.scaled(hits.v);
         let reciprocal = 1.0 / normal.dot(normal).sqrt();
         let infinite = Floats::splat(s, f32::INFINITY);
         let whole = Floats::splat(s, 0.0).less(reciprocal) & reciprocal.less(infinite);
@@ -391,6 +445,7 @@ fn hits_of_doubtful<S: Simd>(s: S, view: &View<'_>, paths: &Paths<S>, hits: &Hit
                 found,
                 doubtful: 0,
                 primitive: Integers::load(s, &primitive),
+                corners: view.small.few.corners(Integers::load(s, &primitive)),
                 t: Floats::load(s, &t),
                 u: Floats::load(s, &u),
                 v: Floats::load(s, &v),
