@@ -37,7 +37,7 @@ type Equation = [F8; 3];
 /// One triangle, or two that make up a convex quadrangle. All lanes of its vectors are the same.
 #[derive(Clone, Debug)]
 struct Face {
-    /// Height above the plane along the axis that the face faces most: coefficients of the two axes that follow it, and what is added.
+    /// The plane's coordinate along the axis that the face faces most, by those along the two axes that follow it.
     plane: Equation,
     /// Distances from the edges, seen along that axis: of a single triangle the last is the diagonal.
     edges: [Equation; 4],
@@ -349,21 +349,32 @@ fn components<S: Simd, const AXIS: usize>(
 impl<S: Simd> Meeting<S> {
     #[inline(always)]
     fn new<const AXIS: usize, const PAIR: bool>(s: S, rays: &Scaled<S>, face: &Face) -> Self {
+        Self::in_plane::<AXIS>(s, rays, face).with_margin::<PAIR>(s, face)
+    }
+
+    /// Of the plane alone.
+    #[inline(always)]
+    fn in_plane<const AXIS: usize>(s: S, rays: &Scaled<S>, face: &Face) -> Self {
         let (o, o_across) = components::<S, AXIS>(rays.origin);
         let (d, d_across) = components::<S, AXIS>(rays.direction);
         let [a, b, _] = &face.plane;
-        let rate = Floats::load(s, a) * d_across.0 + Floats::load(s, b) * d_across.1 + d;
-        let height = value(s, &face.plane, o_across) + o;
-        let inverse = 1.0 / rate;
-        let t = -(height * inverse);
+        let fall = Floats::load(s, a) * d_across.0 + Floats::load(s, b) * d_across.1 - d;
+        let height = o - value(s, &face.plane, o_across);
+        let inverse = 1.0 / fall;
+        let t = height * inverse;
         let error = inverse.abs() * (Floats::load(s, &face.error) + t.abs() * ERROR);
         let p = (o_across.0 + d_across.0 * t, o_across.1 + d_across.1 * t);
+        Self { t, p, margin: t, error }
+    }
+
+    #[inline(always)]
+    fn with_margin<const PAIR: bool>(self, s: S, face: &Face) -> Self {
         let [first, second, third, fourth] = &face.edges;
-        let mut margin = value(s, first, p).min(value(s, second, p)).min(value(s, third, p));
+        let mut margin = value(s, first, self.p).min(value(s, second, self.p)).min(value(s, third, self.p));
         if PAIR {
-            margin = margin.min(value(s, fourth, p));
+            margin = margin.min(value(s, fourth, self.p));
         }
-        Self { t, p, margin, error }
+        Self { margin, ..self }
     }
 
     /// Which triangle of the face it is, and where that is sure.
@@ -468,13 +479,20 @@ impl Found {
         except: [Integers<S>; 2],
         active: u32,
     ) {
-        let meeting = Meeting::new::<AXIS, PAIR>(s, rays, face);
-        let Meeting { t, margin, error, .. } = meeting;
+        let meeting = Meeting::in_plane::<AXIS>(s, rays, face);
+        let Meeting { t, error, .. } = meeting;
         let end = rays.length;
-        let away = margin.less(-error) | t.less(-error) | end.less(t - error);
+        let away = t.less(-error) | end.less(t - error);
+        // As walls are that a room lies on one side of.
         if !away.bits() & active == 0 {
             return;
         }
+        let meeting = meeting.with_margin::<PAIR>(s, face);
+        let away = away | meeting.margin.less(-error);
+        if !away.bits() & active == 0 {
+            return;
+        }
+        let margin = meeting.margin;
         let (primitive, which) = meeting.triangle::<PAIR>(s, face);
         let excepted = primitive.equal(except[0]) | primitive.equal(except[1]);
         let away = away | (excepted & which);
@@ -536,7 +554,7 @@ impl Face {
         let (first, second) = ((axis + 1) % 3, (axis + 2) % 3);
         let splat = |x: f64| F8([x as f32; 8]);
         let [x, y] = [first, second].map(|i| normal[i] / normal[axis]);
-        let plane = [splat(x), splat(y), splat(-(a[axis] + x * a[first] + y * a[second]))];
+        let plane = [splat(-x), splat(-y), splat(a[axis] + x * a[first] + y * a[second])];
         // Distance from the edge between two corners, on the side of a third, seen along the axis; and how far that is away.
         let edge = |p: &DVec, q: &DVec, inside: &DVec| {
             let (dx, dy) = (q[first] - p[first], q[second] - p[second]);
