@@ -25,7 +25,8 @@ pub struct Gather {
     pub radiance: bool,
     /// Counters.
     pub cost: bool,
-    /// Time per pixel: one clock reading per visit of a pixel.
+    /// Time per pixel: one clock reading per visit of a pixel. With [`Settings::cost_spp`] in a scene of few matte triangles, visits of
+    /// the counted samples alone: the others go eight at a time, from many pixels at once.
     pub time: bool,
     /// Trace shadow rays. Off: they are counted only, which is right where ray counts alone are asked for and no radiance
     /// is (the paper's shortcut, section 4).
@@ -78,8 +79,8 @@ pub struct Settings {
     /// take does. `None`: 4, or 1 with a time limit.
     pub first_wave: Option<u32>,
     /// Trace camera rays that are not counted in packets where a scene's triangles are not much smaller than pixels, which is
-    /// faster and gives the same hits. (Rays that are counted go one at a time, so that each has visits of its own.) False is for
-    /// comparisons.
+    /// faster and gives the same hits; and in scenes of few matte triangles, whole paths that are not counted eight at a time, which
+    /// gives the same pictures. (Rays that are counted go one at a time, so that each has visits of its own.) False is for comparisons.
     pub packets: bool,
 }
 
@@ -238,6 +239,8 @@ pub struct Rendered {
     pub threads: usize,
     /// Name of the kernel: tree, instruction set, scene class.
     pub kernel: String,
+    /// Whether samples that were not counted went eight at a time (scenes of few matte triangles).
+    pub eights: bool,
     /// Samples whose radiance was not finite and counted as black, sorted; at most 64 per tile and wave are listed.
     pub non_finite: Vec<NonFinite>,
     /// How many samples that happened to.
@@ -326,12 +329,13 @@ fn render_in_tiles(
     let pixels = u64::from(settings.width) * u64::from(settings.height);
     let total = whole(settings.spp);
     let path = settings.path(gather.trace_shadow_rays, &guides);
-    // Eight at a time go samples of which nothing but radiance is asked; their numbers are those of one Sobol sequence.
+    // Eight at a time go samples of which nothing but radiance is asked; their numbers are those of one Sobol sequence. Where some
+    // are counted, the clock reads those.
     let eights = settings.packets
         && settings.sampler == SamplerKind::Sobol
         && gather.radiance
         && gather.trace_shadow_rays
-        && !gather.time
+        && (!gather.time || gather.cost && settings.cost_spp.is_some())
         && path.learned.is_none()
         && total / halves <= 1 << 16;
     let small = if eights { SmallScene::new(scene, &camera) } else { None };
@@ -352,6 +356,7 @@ fn render_in_tiles(
         small: small.as_ref(),
     };
     let isa = scene.bvh.isa();
+    let eights = small.is_some() && kernel.counted < total;
     let pilot = if settings.adaptive { pilot(total) } else { None };
     let pilot = pilot.map(|pilot| pilot.next_multiple_of(halves));
     let mut plan: Option<Plan> = None;
@@ -466,10 +471,12 @@ fn render_in_tiles(
         learning_seconds,
         threads: rayon::current_num_threads(),
         kernel: format!(
-            "bvh8-single-ray {} {}",
+            "bvh8-single-ray {} {}{}",
             isa.name(),
-            if guides.learned.is_some() { "learned" } else { scene.class().name() }
+            if guides.learned.is_some() { "learned" } else { scene.class().name() },
+            if eights { ", uncounted in eights" } else { "" }
         ),
+        eights,
         non_finite,
         non_finite_count,
     }

@@ -223,6 +223,70 @@ pub fn dispatch<W: WithSimd>(isa: Isa, work: W) -> W::Output {
 mod tests {
     use super::*;
 
+    /// What those of whole numbers and doubles give, on every pair of awkward values, must be the same bits as well.
+    #[test]
+    fn whole_numbers_and_doubles_agree_bit_for_bit() {
+        struct Ops(U8, U8, F8, F8);
+        impl WithSimd for Ops {
+            type Output = ([[u32; 8]; 11], [[u32; 8]; 17], u32);
+            #[inline(always)]
+            fn run<S: Simd>(self, s: S) -> Self::Output {
+                let (a, b) = (s.load_integers(&self.0), s.load_integers(&self.1));
+                let table = self.0.0;
+                let small = s.shift_right::<4>(a);
+                let integers = [
+                    s.add_integers(a, b),
+                    s.sub_integers(a, b),
+                    s.mul_integers(a, b),
+                    s.xor_integers(a, b),
+                    s.shift_left::<5>(a),
+                    small,
+                    s.reverse_bits(a),
+                    s.bits_of(s.equal_integers(a, b)),
+                    s.bits_of(s.to_floats(s.shift_right::<1>(a))),
+                    s.gather_integers(&table, s.shift_right::<29>(b)),
+                    s.gather_integers(&table[..3], b),
+                ];
+                let (x, y) = (s.load(&self.2), s.load(&self.3));
+                let (p, q) = (s.widen(x), s.widen(y));
+                let mut memory = [0.0; 9];
+                s.write(y, memory[1..].first_chunk_mut().expect("eight"));
+                let floats = [
+                    s.div(x, y),
+                    s.sqrt(x),
+                    s.and(x, y),
+                    s.or(x, y),
+                    s.and_not(x, y),
+                    s.less(x, y),
+                    s.less_equal(x, y),
+                    s.select(s.less(x, y), x, y),
+                    s.gather(&self.2.0, s.shift_right::<29>(b)),
+                    s.permute(x, b),
+                    s.read(memory[1..].first_chunk().expect("eight")),
+                    s.narrow(s.add_doubles(p, q)),
+                    s.narrow(s.sub_doubles(p, q)),
+                    s.narrow(s.mul_doubles(p, q)),
+                    s.narrow(s.div_doubles(p, q)),
+                    s.narrow(s.min_doubles(p, q)),
+                    s.floats_of(b),
+                ];
+                // As above, of a NaN only that it is one counts; masks are full of bits and stay so.
+                let bits = |f: f32| if f.is_nan() { 0x7fc0_0000 } else { f.to_bits() };
+                let integers = integers.map(|v| s.store_integers(v).0);
+                (integers, floats.map(|v| s.store(v).0.map(bits)), s.signs(s.less(x, y)))
+            }
+        }
+        let numbers = [0, 1, 2, 0x7fff_ffff, 0x8000_0000, u32::MAX, 0xdead_beef, 77];
+        let floats = [0.0, -0.0, 1.0, -3.5, f32::NAN, f32::INFINITY, 1e-42, 3.3e38];
+        for turn in 0..8 {
+            let mut other = (numbers, floats);
+            other.0.rotate_left(turn);
+            other.1.rotate_left(turn);
+            let ops = || Ops(U8(numbers), U8(other.0), F8(floats), F8(other.1));
+            assert_eq!(dispatch(Isa::Portable, ops()), dispatch(Isa::Auto, ops()), "turned by {turn}");
+        }
+    }
+
     /// Every operation on every pair of awkward values must give the same bits under every token.
     #[test]
     fn all_instruction_sets_agree_bit_for_bit() {

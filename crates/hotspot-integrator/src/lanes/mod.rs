@@ -10,6 +10,8 @@
 pub(crate) mod math;
 mod path;
 mod sampler;
+#[cfg(test)]
+mod tests;
 
 use crate::camera::FilmCamera;
 use crate::class::SceneClass;

@@ -3,7 +3,8 @@
 //! The pilots run the kernel that the render would run, on as many threads, with as many samples for each visit of a pixel
 //! (a visit has a cost of its own), over the same film. Each has a seed of its own. Time is read from the pixels' clocks and
 //! divided by the threads, since at the end of a small render threads wait for each other longer than in a large one. What the
-//! clocks do not see is added for each wave of samples that the render will have.
+//! clocks do not see is added for each wave of samples that the render will have. Where paths go eight at a time no clock can tell
+//! pixels apart, so there the time is that of the pilot as a whole.
 
 use super::calibrate::read_profile;
 use crate::args::{FilmArgs, TalkArgs, ViewArgs, parse_seconds};
@@ -21,7 +22,7 @@ use hotspot_cost::maps::write_atomic;
 use hotspot_cost::prediction::{
     Budget, Interval, PREDICT_SCHEMA, Pilot, Pilots, Prediction, Seconds, seconds,
 };
-use hotspot_cost::{CostModel, Frame, LayerOptions, Layers, Ledgers, Metric, MetricSet, hotspots};
+use hotspot_cost::{CostModel, LayerOptions, Layers, Ledgers, Metric, MetricSet, hotspots};
 use hotspot_integrator::{Control, Gather, Rendered, Settings, Stop};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -177,13 +178,19 @@ impl Plan {
     /// Sized by a first pilot, that also warms everything up.
     fn new(stage: &Stage<'_>, full: &Settings, budget: f64, control: Control<'_>) -> Result<Self, Fail> {
         let mut settings = pilot_of(full, FEWEST_PIXELS * 2.0, full.spp.min(4));
-        let first = render(stage, &settings, control)?;
-        let per_path = thread_seconds(&first.frame, &settings, full) / first.threads as f64;
+        let mut first = render(stage, &settings, control)?;
+        if !first.eights && !settings.gather.time {
+            settings.gather.time = true;
+            first = render(stage, &settings, control)?;
+        }
+        let clocked = settings.gather.time;
+        let per_path = thread_seconds(&first, &settings, full) / first.threads as f64;
         let layer = per_path * f64::from(full.width) * f64::from(full.height);
         let waves = waves(full.spp, layer);
         let visit = samples_per_visit(full.spp, waves);
         let paths = budget / f64::from(REPEATS) / per_path.max(1e-9);
         settings = pilot_of(full, paths / f64::from(visit), visit);
+        settings.gather.time = clocked;
         Ok(Self { settings, waves })
     }
 
@@ -207,7 +214,7 @@ impl Plan {
             // Never the render's own seed, nor one that another pilot has.
             settings.seed = full.seed.wrapping_add(1 + u64::from(repeat));
             let timed = render(stage, &settings, control)?;
-            path_seconds.push(thread_seconds(&timed.frame, &settings, full));
+            path_seconds.push(thread_seconds(&timed, &settings, full));
             idle += idle_seconds(&timed, &settings);
             if full.gather.cost {
                 pilots.add(&timed.frame)?;
@@ -233,7 +240,8 @@ fn pilot_of(full: &Settings, pixels: f64, spp: u32) -> Settings {
     settings.aspect = Some(f64::from(full.width) / f64::from(full.height));
     settings.spp = spp;
     settings.first_wave = Some(spp);
-    settings.gather.time = true;
+    // Without counts it may go eight at a time, unless it is clocked.
+    settings.gather.time = full.gather.cost;
     settings
 }
 
@@ -259,9 +267,13 @@ fn render(stage: &Stage<'_>, settings: &Settings, control: Control<'_>) -> Resul
 }
 
 /// Seconds of one thread per path, without the clock where the render to predict has none.
-fn thread_seconds(frame: &Frame, settings: &Settings, full: &Settings) -> f64 {
+fn thread_seconds(rendered: &Rendered, settings: &Settings, full: &Settings) -> f64 {
+    if !settings.gather.time {
+        let paths = f64::from(settings.width) * f64::from(settings.height) * f64::from(settings.spp);
+        return (rendered.seconds - rendered.learning_seconds) * rendered.threads as f64 / paths;
+    }
     let (mut ns, mut paths) = (0.0, 0.0);
-    for pixel in frame.costs() {
+    for pixel in rendered.frame.costs() {
         ns += pixel.time_ns as f64;
         paths += pixel.time_samples as f64;
     }
@@ -274,7 +286,7 @@ fn thread_seconds(frame: &Frame, settings: &Settings, full: &Settings) -> f64 {
 fn idle_seconds(rendered: &Rendered, settings: &Settings) -> f64 {
     let tiles = f64::from(settings.width.div_ceil(16)) * f64::from(settings.height.div_ceil(16));
     let threads = rendered.threads as f64;
-    if tiles < 8.0 * threads {
+    if tiles < 8.0 * threads || !settings.gather.time {
         return 0.0;
     }
     let clocked: f64 = rendered.frame.costs().map(|pixel| pixel.time_ns as f64 * 1e-9).sum();

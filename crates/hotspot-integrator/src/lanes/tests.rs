@@ -1,0 +1,233 @@
+//! Eight paths at once give the pictures of single paths, bit for bit.
+
+use crate::render::{Control, Gather, Rendered, Settings, render};
+use crate::roulette::Roulette;
+use crate::sampler::SamplerKind;
+use crate::scene::{PrepareOptions, RenderScene};
+use crate::{BuildOptions, Isa};
+use hotspot_scene::{Camera, Color, Environment, Instance, Material, Mesh, Object, Projection, Scene};
+
+/// Uniform in [0, 1): SplitMix64 (Steele, Lea, Flood 2014).
+struct Random(u64);
+
+impl Random {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ z >> 31) >> 40) as f64 / 16_777_216.0
+    }
+}
+
+/// The sides of a box that is skewed and turned a little, where `open` does not leave one out.
+fn sides(at: [f64; 3], size: [f64; 3], skew: f64, open: usize) -> Mesh {
+    let mut mesh = Mesh::default();
+    for side in (0..6).filter(|side| *side != open) {
+        let (axis, far) = (side / 2, side % 2);
+        let first = mesh.positions.len() as u32;
+        for (u, v) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+            let mut p = [0.0; 3];
+            (p[axis], p[(axis + 1) % 3], p[(axis + 2) % 3]) = (far as f64, u, v);
+            let [x, y, z] = [0, 1, 2].map(|i| at[i] + size[i] * p[i]);
+            mesh.positions.push([x + skew * z, y + skew * x * z, z - skew * x].map(|c| c as f32));
+        }
+        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+    }
+    mesh
+}
+
+/// A room that is open towards the camera, what stands in it, and lamps.
+fn room(seed: u64, scale: f64) -> Scene {
+    let mut random = Random(seed);
+    let mut scene = Scene::default();
+    let to_world = [[scale, 0.0, 0.0, 0.3 * scale], [0.0, scale, 0.0, 0.0], [0.0, 0.0, scale, -scale]];
+    let mut add = |name: &str, mesh: Mesh, color: [f32; 3], emission: [f32; 3], double_sided: bool| {
+        let index = scene.meshes.len() as u32;
+        let matte = Material::default_matte(name);
+        scene.materials.push(Material {
+            bsdf: hotspot_scene::Bsdf::Matte { reflectance: Color::constant(color) },
+            emission: Color::constant(emission),
+            double_sided,
+            ..matte
+        });
+        scene.objects.push(Object { name: name.into() });
+        scene.meshes.push(mesh);
+        scene.instances.push(Instance { object: index, mesh: index, material: index, to_world });
+    };
+    let skew = if seed % 2 == 0 { 0.0 } else { 0.02 };
+    add("room", sides([0.0; 3], [1.0; 3], skew, 5), [0.7, 0.6, 0.5], [0.0; 3], true);
+    let mut rounded = sides([0.2, 0.1, 0.3], [0.2, 0.3, 0.2], 0.1, 6);
+    // Normals of its own, unlike the surface's, some of no length.
+    rounded.normals = Some(
+        rounded
+            .positions
+            .iter()
+            .enumerate()
+            .map(|(i, p)| {
+                let [x, y, z] = [0, 1, 2].map(|k| p[k] - [0.3, 0.25, 0.4][k]);
+                let length = (x * x + y * y + z * z).sqrt();
+                if i == 5 { [0.0; 3] } else { [x / length, y / length, z / length] }
+            })
+            .collect(),
+    );
+    add("rounded", rounded, [0.2, 0.8, 0.4], [0.0; 3], true);
+    add("black", sides([0.6, 0.0, 0.5], [0.2, 0.4, 0.1], 0.05, 2), [0.0, 0.9, 0.0], [0.0; 3], true);
+    let mut flat = |corners: &[[f64; 3]]| {
+        let jitter = 0.01 * random.unit();
+        let positions = corners.iter().map(|p| p.map(|x| (x + jitter) as f32)).collect();
+        let triangles = (2..corners.len() as u32).map(|i| [0, i, i - 1]).collect();
+        Mesh { positions, triangles, ..Mesh::default() }
+    };
+    let quad = flat(&[[0.3, 0.95, 0.3], [0.6, 0.95, 0.3], [0.6, 0.95, 0.6], [0.3, 0.95, 0.6]]);
+    add("lamp", quad, [0.4; 3], [9.0, 8.0, 7.0], false);
+    if seed % 3 > 0 {
+        let triangle = flat(&[[0.05, 0.3, 0.4], [0.05, 0.4, 0.5], [0.1, 0.3, 0.5]]);
+        add("triangle", triangle, [0.1; 3], [0.0, 30.0, 5.0], true);
+    }
+    if seed % 3 > 1 {
+        let strip =
+            flat(&[[0.9, 0.2, 0.2], [0.9, 0.25, 0.2], [0.9, 0.25, 0.9], [0.9, 0.22, 0.95], [0.9, 0.2, 0.9]]);
+        add("strip", strip, [0.0; 3], [1.0, 2.0, 50.0], true);
+    }
+    scene
+}
+
+fn camera(scale: f64, parallel: bool) -> Camera {
+    Camera {
+        name: "camera".into(),
+        to_world: [[1.0, 0.0, 0.1, 0.8 * scale], [0.0, 1.0, 0.0, 0.5 * scale], [-0.1, 0.0, 1.0, 1.2 * scale]],
+        projection: if parallel {
+            Projection::Orthographic { xmag: 0.5 * scale, ymag: 0.5 * scale }
+        } else {
+            Projection::Perspective { yfov: 0.8, aspect: None }
+        },
+    }
+}
+
+fn prepare(scene: &Scene, isa: Isa) -> RenderScene {
+    let options = PrepareOptions::from(BuildOptions { isa, ..BuildOptions::default() });
+    RenderScene::prepare(scene, options).expect("the scene is whole")
+}
+
+/// Film sums of all pixels.
+fn sums(rendered: &Rendered) -> Vec<([f64; 3], [f64; 3])> {
+    let frame = &rendered.frame;
+    let film = |(x, y)| {
+        let film = frame.film_total(x, y);
+        (film.sum, film.squares)
+    };
+    frame.pixels().map(film).collect()
+}
+
+fn settings(spp: u32) -> Settings {
+    let mut settings = Settings::new(37, 23);
+    settings.spp = spp;
+    settings.gather = Gather::RADIANCE;
+    settings
+}
+
+/// Rooms large and small, seen in perspective and in parallel, with each kind of roulette, any number of lamps, halves, adaptive, and
+/// with some samples counted.
+#[test]
+fn pictures_are_those_of_single_paths() {
+    let mut bright = 0;
+    for seed in 0..6u64 {
+        let scale = [1.0, 1.0, 0.01, 300.0][seed as usize % 4];
+        let scene = room(seed, scale);
+        let mut wanted = settings(19);
+        wanted.seed = seed;
+        match seed {
+            0 => wanted.roulette = Roulette::Off,
+            1 => wanted.roulette = Roulette::Efficient,
+            2 => (wanted.intervals, wanted.spp) = (true, 18),
+            3 => (wanted.adaptive, wanted.spp) = (true, 33),
+            4 => {
+                (wanted.gather, wanted.cost_spp) = (Gather::ALL, Some(6));
+                wanted.ledgers = true;
+            }
+            _ => (wanted.max_depth, wanted.roulette) = (3, Roulette::From(0)),
+        }
+        let camera = camera(scale, seed == 5);
+        let mut pictures = Vec::new();
+        for isa in [Isa::Auto, Isa::Portable] {
+            let ready = prepare(&scene, isa);
+            for packets in [true, false] {
+                let settings = Settings { packets, ..wanted.clone() };
+                let rendered = render(&ready, &camera, &settings, Control::default());
+                assert_eq!(rendered.eights, packets, "room {seed}");
+                pictures.push(sums(&rendered));
+            }
+        }
+        let [first, others @ ..] = &pictures[..] else { unreachable!() };
+        bright += first.iter().filter(|(sum, _)| sum[0] > 0.0).count();
+        for (index, other) in others.iter().enumerate() {
+            let differ = first.iter().zip(other).filter(|(a, b)| a != b).count();
+            assert_eq!(differ, 0, "room {seed}, way {index}");
+        }
+    }
+    assert!(bright > 3000, "{bright} pixels are lit");
+}
+
+/// No depth, one sample, and so many that lists end within a pixel.
+#[test]
+fn lists_of_any_length_are_taken() {
+    let scene = room(1, 1.0);
+    let ready = prepare(&scene, Isa::Auto);
+    for (spp, depth, size) in [(1, 0, (37, 23)), (1, 15, (1, 1)), (5000, 2, (2, 1)), (3, 4, (16, 16))] {
+        let mut wanted = settings(spp);
+        (wanted.width, wanted.height, wanted.max_depth) = (size.0, size.1, depth);
+        wanted.first_wave = Some(spp);
+        let of = |packets| {
+            let settings = Settings { packets, ..wanted.clone() };
+            render(&ready, &camera(1.0, false), &settings, Control::default())
+        };
+        let (eights, single) = (of(true), of(false));
+        assert!(eights.eights && !single.eights);
+        assert_eq!(sums(&eights), sums(&single), "{spp} samples, depth {depth}");
+    }
+}
+
+/// What eights do not know goes path by path, and says so.
+#[test]
+fn other_scenes_go_path_by_path() {
+    let camera = camera(1.0, false);
+    let goes = |scene: &Scene, settings: &Settings, camera: &Camera| {
+        render(&prepare(scene, Isa::Auto), camera, settings, Control::default()).eights
+    };
+    let scene = room(2, 1.0);
+    let few = settings(1);
+    assert!(goes(&scene, &few, &camera));
+
+    let mut sky = scene.clone();
+    sky.environment = Some(Environment::Constant([1.0; 3]));
+    let mut mirror = scene.clone();
+    mirror.materials[0].bsdf = hotspot_scene::Bsdf::Mirror { reflectance: Color::constant([0.8; 3]) };
+    let mut many = scene.clone();
+    let copy = many.instances[0].clone();
+    many.instances.extend((0..6).map(|i| {
+        let mut instance = copy.clone();
+        instance.to_world[0][3] += f64::from(i) + 2.0;
+        instance
+    }));
+    let mut lamps = scene.clone();
+    for i in 0..4 {
+        let mut lamp = lamps.instances[3].clone();
+        lamp.to_world[1][3] -= 0.1 * f64::from(i + 1);
+        lamps.instances.push(lamp);
+    }
+    for (name, other) in [("sky", sky), ("mirror", mirror), ("many", many), ("lamps", lamps)] {
+        assert!(!goes(&other, &few, &camera), "{name}");
+    }
+
+    let independent = Settings { sampler: SamplerKind::Independent, ..few.clone() };
+    let clocked = Settings { gather: Gather { time: true, ..Gather::RADIANCE }, ..few.clone() };
+    let counted = Settings { gather: Gather::ALL, ..few.clone() };
+    for other in [independent, clocked, counted] {
+        assert!(!goes(&scene, &other, &camera), "{other:?}");
+    }
+    // Too far away for what is said of triangles to hold.
+    let mut far = camera.clone();
+    far.to_world[2][3] = 1e5;
+    assert!(!goes(&scene, &few, &far));
+}
