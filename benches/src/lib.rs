@@ -65,7 +65,7 @@ pub struct Variant {
     pub cost_spp: Option<u32>,
     /// Book the counts by what sent and by what was met.
     pub ledgers: bool,
-    /// Camera rays that are not counted go in packets.
+    /// Camera rays that are not counted go in packets, and few matte triangles' paths eight at a time.
     pub packets: bool,
 }
 
@@ -79,15 +79,15 @@ const COUNTERS: Gather = Gather { time: false, ..Gather::ALL };
 const CLOCK: Gather = Gather { cost: false, ..Gather::ALL };
 
 /// A render that counts nothing: what uncounted samples cost.
-pub const PLAIN: Variant = variant("none: camera rays in packets", Gather::RADIANCE);
+pub const PLAIN: Variant = variant("none, as it runs", Gather::RADIANCE);
 
 /// A render that counts, without the clock and without ledgers.
 pub const COUNTING: Variant = variant("rays, intersection, shading, cause", COUNTERS);
 
-/// The metric groups, from none to everything. The first is the baseline: the very loop that the others run, which traces camera
-/// rays one at a time since each has counts of its own.
+/// The metric groups, from none to everything. The first is the baseline: the very loop that the others run, which traces rays
+/// one at a time since each has counts of its own.
 pub const VARIANTS: [Variant; 8] = [
-    Variant { packets: false, ..variant("none, camera rays one at a time", Gather::RADIANCE) },
+    Variant { packets: false, ..variant("none, one ray at a time", Gather::RADIANCE) },
     PLAIN,
     variant("time", CLOCK),
     COUNTING,

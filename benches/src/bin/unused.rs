@@ -15,7 +15,7 @@ fn main() {
 
 #[cfg(hotspot_ablation)]
 fn main() {
-    use hotspot_benches::{PLAIN, run, scenes, subject};
+    use hotspot_benches::{VARIANTS, run, scenes, subject};
     use hotspot_integrator::Feature;
 
     let mut files = Vec::new();
@@ -54,7 +54,7 @@ fn main() {
             }
             for i in order {
                 subject.scene.set_without(features[i]);
-                let rendered = pool.install(|| run(&subject, size, spp, &PLAIN));
+                let rendered = pool.install(|| run(&subject, size, spp, &VARIANTS[0]));
                 means[i] = mean(&rendered);
                 if round > 0 {
                     seconds[i].push(rendered.seconds);

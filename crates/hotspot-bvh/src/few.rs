@@ -9,10 +9,11 @@
 //! along that axis. Faces of one axis lie together, so that the axis is known when the loop over them is compiled.
 //!
 //! **The bound.** Let the direction be scaled so that its largest component is 1, so that t is a length; B bound the coordinates of origins
-//! and corners, and u = 2^−24. The plane's coefficients are at most 1 and off by u each, so its value at the origin is off by at most 18uB and
-//! that of the direction, at most 3, by 15u: t by m(18uB + 21u|t|), where m ≥ 1/3 is the reciprocal of the latter. The point o + td is off by
-//! m(21uB + 33u|t|) per axis, and with the roundings of their own distances from edges by less than m(60uB + 64u|t|): [`ERROR`] is 64u. What
-//! quadrangles are off their planes by is added. The decisions of `triangle.rs` are made in f64, or by f32 distances within 4u|t| of the true
+//! and corners, and u = 2^−24. The plane's coefficients are at most 1 and off by u each, so its height at the origin is off by at most 20uB and
+//! that of the direction, at most 3, by 15u: t by m(20uB + 21u|t|), where m ≥ 1/3 is the reciprocal of the latter. The point o + td is off by
+//! m(23uB + 33u|t|) per axis, and with the roundings of their own distances from edges by less than m(62uB + 64u|t|): [`ERROR`] is 64u. What
+//! quadrangles are off their planes by is added. Where a ray runs along a plane, so that m is beyond 1/64u, the bound is larger than t and than
+//! all distances: nothing is sure then, and nothing that is hit is away. The decisions of `triangle.rs` are made in f64, or by f32 distances within 4u|t| of the true
 //! ones, which is less than what is left of t's bound.
 //!
 //! Visits cannot be counted: there are none.
@@ -60,7 +61,7 @@ struct Faces {
 pub struct Rays<S: Simd> {
     /// Where they start.
     pub origin: Vectors<S>,
-    /// Where they go, of any length but zero.
+    /// Where they go, of any length; those of none are doubtful.
     pub direction: Vectors<S>,
 }
 
@@ -118,6 +119,8 @@ impl FewTriangles {
     pub fn new(triangles: &[[[f32; 3]; 3]], reach: f32) -> Option<Self> {
         let coordinates = triangles.iter().flatten().flatten();
         let reach = coordinates.fold(reach.abs(), |most, c| if c.abs() > most { c.abs() } else { most });
+        // Rays leave a face that bounds everything from a little beyond it.
+        let reach = reach * (1.0 + 16.0 * f32::EPSILON);
         if triangles.is_empty() || triangles.len() > Self::MOST || !COORDINATES.contains(&reach) {
             return None;
         }
@@ -150,10 +153,13 @@ impl FewTriangles {
         Some(this)
     }
 
-    /// Bytes held.
-    pub fn memory(&self) -> u64 {
-        let faces: usize = self.faces.iter().map(|f| f.quadrangles.len() + f.singles.len()).sum();
-        (faces * size_of::<Face>() + size_of_val(&self.corners[..]) + size_of_val(&self.normals[..])) as u64
+    /// Whether a triangle runs along this unit direction, or nearly so: rays that go there are doubtful.
+    pub fn has_along(&self, direction: [f32; 3]) -> bool {
+        let (normals, _) = self.normals.as_chunks::<3>();
+        normals.iter().any(|n| {
+            let cos = n[0] * direction[0] + n[1] * direction[1] + n[2] * direction[2];
+            cos.is_nan() || cos.abs() < 1e-3
+        })
     }
 
     /// What the rays of lanes `active` (as bits) hit first, but for the triangles `from`.

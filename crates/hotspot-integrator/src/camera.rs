@@ -67,6 +67,11 @@ impl FilmCamera {
         far.max_element()
     }
 
+    /// Where all rays go, if they go the same way.
+    pub(crate) fn parallel_direction(&self) -> Option<[f32; 3]> {
+        self.parallel.then(|| self.forward.to_array())
+    }
+
     /// [`FilmCamera::ray_of`] in lanes: the same bits.
     #[inline(always)]
     pub(crate) fn rays<S: Simd>(

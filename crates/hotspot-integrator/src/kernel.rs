@@ -4,7 +4,7 @@ use crate::adaptive::Plan;
 use crate::camera::FilmCamera;
 use crate::cast::closest_hits;
 use crate::class::{Class, FullClass, Learning, LobesClass, MatteClass, SceneClass, TexturedClass};
-use crate::lanes::{SampleList, SmallScene, View, table, trace_samples};
+use crate::lanes::{SampleList, SmallScene, View, points_table, trace_samples};
 use crate::path::{PathResult, PathSettings, Start, trace};
 use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind, pixel_key};
 use crate::scene::RenderScene;
@@ -97,20 +97,25 @@ impl WithSimd for TileJob<'_> {
         let Some(small) = self.kernel.small else { return self.one_by_one(simd) };
         let counted = if self.tile.has_cost() { self.kernel.counted } else { 0 };
         let Range { start, end } = self.samples;
-        let bound = counted.clamp(start, end);
-        if start < bound {
-            let job = TileJob {
-                tile: &mut *self.tile,
-                samples: start..bound,
-                lost: &mut *self.lost,
-                ledger: self.ledger.as_deref_mut(),
-                ..self
-            };
-            job.one_by_one(simd);
-        }
-        if bound < end {
-            self.samples = bound..end;
-            eights(simd, &mut self, small);
+        // In the order of samples, as pixels want them: those that are counted, those that go eight at a time, and those beyond the
+        // points that lanes know.
+        let eights = counted.clamp(start, end)..(EIGHTS * self.kernel.halves as u64).clamp(start, end);
+        self.part(start..eights.start).one_by_one(simd);
+        take_eights(simd, &mut self.part(eights.clone()), small);
+        self.part(eights.end.max(eights.start)..end).one_by_one(simd);
+    }
+}
+
+impl TileJob<'_> {
+    /// Some of its samples.
+    fn part(&mut self, samples: Range<u64>) -> TileJob<'_> {
+        TileJob {
+            tile: self.tile,
+            samples,
+            lost: self.lost,
+            ledger: self.ledger.as_deref_mut(),
+            kernel: self.kernel,
+            plan: self.plan,
         }
     }
 }
@@ -119,6 +124,9 @@ impl TileJob<'_> {
     /// Path by path.
     #[inline(never)]
     fn one_by_one<S: Simd>(self, simd: S) {
+        if self.samples.is_empty() {
+            return;
+        }
         #[cfg(hotspot_ablation)]
         if let Some(feature) = self.kernel.scene.without {
             return self.run_without(simd, feature);
@@ -285,8 +293,11 @@ impl TileJob<'_> {
     }
 }
 
-/// Samples that are taken together, eight at a time: so many that those that end last do not matter.
-const TOGETHER: usize = 2048;
+/// Samples of a list that is taken eight at a time: so many that those that end last do not matter.
+const LIST: usize = 2048;
+
+/// Numbers of samples, within a half, whose points lanes know.
+const EIGHTS: u64 = 1 << 16;
 
 /// Some samples of a pixel's half.
 struct Visit {
@@ -297,7 +308,7 @@ struct Visit {
 }
 
 /// The samples of a job, eight at a time. None of them is counted.
-fn eights<S: Simd>(simd: S, job: &mut TileJob<'_>, small: &SmallScene) {
+fn take_eights<S: Simd>(simd: S, job: &mut TileJob<'_>, small: &SmallScene) {
     let kernel = job.kernel;
     let mut list = SampleList::default();
     let mut visits = Vec::new();
@@ -314,14 +325,14 @@ fn eights<S: Simd>(simd: S, job: &mut TileJob<'_>, small: &SmallScene) {
             let mut left = of_half(&samples, half as u64, kernel.halves as u64);
             let key = pixel_key([x, y, half as u32], kernel.seed);
             while !left.is_empty() {
-                let range = left.start..left.end.min(left.start + (TOGETHER - list.len()) as u64);
+                let range = left.start..left.end.min(left.start + (LIST - list.len()) as u64);
                 left.start = range.end;
                 for index in range.clone() {
                     list.push(key, (x, y), index as u32);
                 }
                 visits.push(Visit { x, y, half, range });
-                if list.len() == TOGETHER {
-                    take(simd, kernel, small, &list, &mut found);
+                if list.len() == LIST {
+                    take_list(simd, kernel, small, &list, &mut found);
                     keep(job, &visits, &found);
                     list.clear();
                     visits.clear();
@@ -329,13 +340,13 @@ fn eights<S: Simd>(simd: S, job: &mut TileJob<'_>, small: &SmallScene) {
             }
         }
     }
-    take(simd, kernel, small, &list, &mut found);
+    take_list(simd, kernel, small, &list, &mut found);
     keep(job, &visits, &found);
 }
 
 /// Not inlined: compiled once.
 #[inline(never)]
-fn take<S: Simd>(
+fn take_list<S: Simd>(
     simd: S,
     kernel: &Kernel<'_>,
     small: &SmallScene,
@@ -348,7 +359,7 @@ fn take<S: Simd>(
         camera: &kernel.camera,
         size: (kernel.width, kernel.height),
         settings: &kernel.path,
-        table: table(),
+        table: points_table(),
     };
     simd.vectorize(
         #[inline(always)]

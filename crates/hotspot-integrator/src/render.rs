@@ -237,11 +237,12 @@ pub struct Rendered {
     pub learning_seconds: f64,
     /// Worker threads.
     pub threads: usize,
-    /// Name of the kernel: tree, instruction set, scene class.
+    /// Name of the kernel of counted paths: tree, instruction set, scene class.
     pub kernel: String,
     /// Whether samples that were not counted went eight at a time (scenes of few matte triangles).
     pub eights: bool,
-    /// Samples whose radiance was not finite and counted as black, sorted; at most 64 per tile and wave are listed.
+    /// Samples whose radiance was not finite and counted as black, sorted; at most 64 per tile and wave are listed (which of more
+    /// depends on the order in which they were taken).
     pub non_finite: Vec<NonFinite>,
     /// How many samples that happened to.
     pub non_finite_count: u64,
@@ -329,16 +330,16 @@ fn render_in_tiles(
     let pixels = u64::from(settings.width) * u64::from(settings.height);
     let total = whole(settings.spp);
     let path = settings.path(gather.trace_shadow_rays, &guides);
-    // Eight at a time go samples of which nothing but radiance is asked; their numbers are those of one Sobol sequence. Where some
-    // are counted, the clock reads those.
-    let eights = settings.packets
+    // Eight at a time go samples of which nothing but radiance is asked. Where some are counted, the clock reads those.
+    let counted = if gather.cost { whole(settings.cost_spp.unwrap_or(u32::MAX)) } else { 0 };
+    let in_eights = settings.packets
+        && counted < total
         && settings.sampler == SamplerKind::Sobol
         && gather.radiance
         && gather.trace_shadow_rays
-        && (!gather.time || gather.cost && settings.cost_spp.is_some())
-        && path.learned.is_none()
-        && total / halves <= 1 << 16;
-    let small = if eights { SmallScene::new(scene, &camera) } else { None };
+        && (!gather.time || counted > 0)
+        && path.learned.is_none();
+    let small = if in_eights { SmallScene::new(scene, &camera) } else { None };
     let kernel = Kernel {
         scene,
         camera,
@@ -348,7 +349,7 @@ fn render_in_tiles(
         sampler: settings.sampler,
         seed: settings.seed,
         halves: frame.halves(),
-        counted: if gather.cost { whole(settings.cost_spp.unwrap_or(u32::MAX)) } else { 0 },
+        counted,
         radiance: gather.radiance,
         clock: gather.time,
         payers: payers.as_ref(),
@@ -356,7 +357,6 @@ fn render_in_tiles(
         small: small.as_ref(),
     };
     let isa = scene.bvh.isa();
-    let eights = small.is_some() && kernel.counted < total;
     let pilot = if settings.adaptive { pilot(total) } else { None };
     let pilot = pilot.map(|pilot| pilot.next_multiple_of(halves));
     let mut plan: Option<Plan> = None;
@@ -471,12 +471,11 @@ fn render_in_tiles(
         learning_seconds,
         threads: rayon::current_num_threads(),
         kernel: format!(
-            "bvh8-single-ray {} {}{}",
+            "bvh8-single-ray {} {}",
             isa.name(),
-            if guides.learned.is_some() { "learned" } else { scene.class().name() },
-            if eights { ", uncounted in eights" } else { "" }
+            if guides.learned.is_some() { "learned" } else { scene.class().name() }
         ),
-        eights,
+        eights: small.is_some(),
         non_finite,
         non_finite_count,
     }

@@ -23,14 +23,14 @@ use hotspot_bvh::few::FewTriangles;
 use hotspot_bvh::simd::{Doubles, F8, Floats, Simd, Vectors};
 use hotspot_scene::Bsdf;
 pub(crate) use path::{SampleList, View, trace_samples};
-pub(crate) use sampler::table;
+pub(crate) use sampler::points_table;
 
 /// A scene whose paths can go eight at a time.
 #[derive(Clone, Debug)]
 pub(crate) struct SmallScene {
     few: FewTriangles,
     lights: LightLanes,
-    /// Of each triangle, by its number.
+    // Of each triangle, by its number:
     /// [`SurfaceTriangle::error`].
     errors: Vec<f32>,
     least_height: Vec<f32>,
@@ -43,13 +43,13 @@ pub(crate) struct SmallScene {
     normals: Vec<f32>,
     /// 1 where the surface has normals of its own.
     smooth: Vec<u32>,
-    /// Whether those of a triangle's corners are the same.
+    /// Whether no triangle has corners with different normals.
     flat: bool,
 }
 
 impl SmallScene {
     /// `None` unless the scene has at most [`FewTriangles::MOST`] triangles, of regular shape and matte without textures, lit by a few
-    /// of them alone.
+    /// of them alone. Nor for parallel cameras that look along a triangle: all of their rays would be doubtful.
     pub(crate) fn new(scene: &RenderScene, camera: &FilmCamera) -> Option<Self> {
         let geometry = &scene.geometry;
         if scene.class() != SceneClass::Matte || geometry.triangles.len() > FewTriangles::MOST {
@@ -57,6 +57,9 @@ impl SmallScene {
         }
         let lights = LightLanes::new(&scene.lights, geometry, &scene.materials)?;
         let few = FewTriangles::new(&geometry.triangles, camera.reach())?;
+        if camera.parallel_direction().is_some_and(|direction| few.has_along(direction)) {
+            return None;
+        }
         let all = 0..geometry.triangles.len() as u32;
         let material = |t: u32| &scene.materials[geometry.part(t).material as usize];
         let reflectance = |t: u32| match &material(t).bsdf {
@@ -74,7 +77,11 @@ impl SmallScene {
             emission: all.clone().flat_map(|t| material(t).emission.factor).collect(),
             light_pdf_area: all.clone().map(|t| geometry.part(t).light_pdf_area).collect(),
             two_sided: all.map(|t| u32::from(material(t).double_sided)).collect(),
-            flat: normals.iter().flatten().all(|[a, b, c]| a == b && a == c),
+            flat: normals.iter().flatten().all(|corners| {
+                // By bits: the sign of a zero turns the shading frame.
+                let [a, b, c] = corners.map(|n| n.to_array().map(f32::to_bits));
+                a == b && a == c
+            }),
             smooth: normals.iter().map(|n| u32::from(n.is_some())).collect(),
             normals: if smooth {
                 normals.iter().flat_map(|n| n.unwrap_or([Vec3::ZERO; 3])).flat_map(|n| n.to_array()).collect()

@@ -12,7 +12,7 @@ pub(super) struct Points<S: Simd> {
 }
 
 /// The table of unscrambled points.
-pub(crate) fn table() -> &'static [u32] {
+pub(crate) fn points_table() -> &'static [u32] {
     TABLES.as_flattened().as_flattened().as_flattened()
 }
 
@@ -118,7 +118,7 @@ mod tests {
         #[inline(always)]
         fn run<S: Simd>(self, s: S) -> Self::Output {
             let [key, index, vertex] = [self.0, self.1, self.2].map(|n| Integers::load(s, &U8(n)));
-            let points = Points { key, index, table: table() };
+            let points = Points { key, index, table: points_table() };
             let [a, b, c, d] = points.segment(s, vertex);
             let [e, f, g, h] = points.camera(s);
             [a, b, c, d, e, f, g, h, points.roulette(s, vertex)].map(|n| n.store().0)

@@ -55,7 +55,7 @@ fn room(seed: u64, scale: f64) -> Scene {
         scene.meshes.push(mesh);
         scene.instances.push(Instance { object: index, mesh: index, material: index, to_world });
     };
-    let skew = if seed % 2 == 0 { 0.0 } else { 0.02 };
+    let skew = if seed.is_multiple_of(2) { 0.0 } else { 0.02 };
     add("room", sides([0.0; 3], [1.0; 3], skew, 5), [0.7, 0.6, 0.5], [0.0; 3], true);
     let mut rounded = sides([0.2, 0.1, 0.3], [0.2, 0.3, 0.2], 0.1, 6);
     // Normals of its own, unlike the surface's, some of no length.
@@ -81,7 +81,7 @@ fn room(seed: u64, scale: f64) -> Scene {
     };
     let quad = flat(&[[0.3, 0.95, 0.3], [0.6, 0.95, 0.3], [0.6, 0.95, 0.6], [0.3, 0.95, 0.6]]);
     add("lamp", quad, [0.4; 3], [9.0, 8.0, 7.0], false);
-    if seed % 3 > 0 {
+    if !seed.is_multiple_of(3) {
         let triangle = flat(&[[0.05, 0.3, 0.4], [0.05, 0.4, 0.5], [0.1, 0.3, 0.5]]);
         add("triangle", triangle, [0.1; 3], [0.0, 30.0, 5.0], true);
     }
@@ -96,7 +96,11 @@ fn room(seed: u64, scale: f64) -> Scene {
 fn camera(scale: f64, parallel: bool) -> Camera {
     Camera {
         name: "camera".into(),
-        to_world: [[1.0, 0.0, 0.1, 0.8 * scale], [0.0, 1.0, 0.0, 0.5 * scale], [-0.1, 0.0, 1.0, 1.2 * scale]],
+        to_world: [
+            [1.0, 0.0, 0.13, 0.8 * scale],
+            [0.0, 1.0, 0.15, 0.5 * scale],
+            [-0.13, -0.15, 1.0, 1.2 * scale],
+        ],
         projection: if parallel {
             Projection::Orthographic { xmag: 0.5 * scale, ymag: 0.5 * scale }
         } else {
@@ -166,7 +170,7 @@ fn pictures_are_those_of_single_paths() {
             assert_eq!(differ, 0, "room {seed}, way {index}");
         }
     }
-    assert!(bright > 3000, "{bright} pixels are lit");
+    assert!(bright > 2000, "{bright} pixels are lit");
 }
 
 /// No depth, one sample, and so many that lists end within a pixel.
@@ -174,7 +178,9 @@ fn pictures_are_those_of_single_paths() {
 fn lists_of_any_length_are_taken() {
     let scene = room(1, 1.0);
     let ready = prepare(&scene, Isa::Auto);
-    for (spp, depth, size) in [(1, 0, (37, 23)), (1, 15, (1, 1)), (5000, 2, (2, 1)), (3, 4, (16, 16))] {
+    // Beyond 2^16 samples points are of another block, which lanes leave to single paths.
+    let cases = [(1, 0, (37, 23)), (1, 15, (1, 1)), (5000, 2, (2, 1)), (3, 4, (16, 16)), (65_600, 1, (1, 1))];
+    for (spp, depth, size) in cases {
         let mut wanted = settings(spp);
         (wanted.width, wanted.height, wanted.max_depth) = (size.0, size.1, depth);
         wanted.first_wave = Some(spp);
@@ -186,6 +192,39 @@ fn lists_of_any_length_are_taken() {
         assert!(eights.eights && !single.eights);
         assert_eq!(sums(&eights), sums(&single), "{spp} samples, depth {depth}");
     }
+}
+
+/// Corners whose normals differ in the signs of zeros alone: the shading frame goes by those.
+#[test]
+fn signs_of_zeros_in_normals_count() {
+    let mut scene = room(0, 1.0);
+    let to_world = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+    let floor = scene.meshes[0].positions.len();
+    let mut normals = vec![[0.0, 0.0, 1.0]; floor];
+    for corners in scene.meshes[0].triangles.clone() {
+        let [a, b, c] = corners.map(|i| scene.meshes[0].positions[i as usize]);
+        let axis = (0..3).find(|i| a[*i] == b[*i] && a[*i] == c[*i]).expect("walls lie along axes");
+        for (place, corner) in corners.into_iter().enumerate() {
+            let zero = if place == 0 { -0.0 } else { 0.0 };
+            let mut normal = [zero; 3];
+            // Placing would turn other zeros positive.
+            normal[axis] = -1.0;
+            normals[corner as usize] = normal;
+        }
+    }
+    scene.meshes[0].normals = Some(normals);
+    scene.meshes[1].normals = None;
+    for instance in &mut scene.instances {
+        instance.to_world = to_world;
+    }
+    let ready = prepare(&scene, Isa::Auto);
+    let of = |packets| {
+        let settings = Settings { packets, ..settings(16) };
+        render(&ready, &camera(1.0, false), &settings, Control::default())
+    };
+    let (eights, single) = (of(true), of(false));
+    assert!(eights.eights && !single.eights);
+    assert_eq!(sums(&eights), sums(&single));
 }
 
 /// What eights do not know goes path by path, and says so.
@@ -226,6 +265,11 @@ fn other_scenes_go_path_by_path() {
     for other in [independent, clocked, counted] {
         assert!(!goes(&scene, &other, &camera), "{other:?}");
     }
+    // Along walls, and not quite so: parallel rays.
+    let mut parallel = self::camera(1.0, true);
+    assert!(goes(&scene, &few, &parallel));
+    parallel.to_world = [[1.0, 0.0, 0.0, 0.8], [0.0, 1.0, 0.0, 0.5], [0.0, 0.0, 1.0, 1.2]];
+    assert!(!goes(&scene, &few, &parallel));
     // Too far away for what is said of triangles to hold.
     let mut far = camera.clone();
     far.to_world[2][3] = 1e5;

@@ -139,9 +139,14 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Fail> {
         ..Prediction::default()
     };
     if let Some(profile) = &profile {
-        note_differences(&talker, profile, &run.last);
-        prediction.seconds_by_profile =
-            by_profile(profile, &prediction.totals, paths).map(|ns| ns * 1e-9 / threads as f64);
+        if run.last.eights {
+            talker
+                .warn("note: --profile: its coefficients are of single paths; here they go eight at a time");
+        } else {
+            note_differences(&talker, profile, &run.last);
+            prediction.seconds_by_profile =
+                by_profile(profile, &prediction.totals, paths).map(|ns| ns * 1e-9 / threads as f64);
+        }
     }
     prediction.budget = args.budget.map(|budget| {
         let per_sample = per_path.ci95[1] * pixels as f64 / threads as f64;
