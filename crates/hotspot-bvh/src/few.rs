@@ -11,10 +11,10 @@
 //! **The bound.** Let the direction be scaled so that its largest component is 1, so that t is a length; B bound the coordinates of origins
 //! and corners, and u = 2^−24. The plane's coefficients are at most 1 and off by u each, so its height at the origin is off by at most 20uB and
 //! that of the direction, at most 3, by 15u: t by m(20uB + 21u|t|), where m ≥ 1/3 is the reciprocal of the latter. The point o + td is off by
-//! m(23uB + 33u|t|) per axis, and with the roundings of their own distances from edges by less than m(62uB + 64u|t|): [`ERROR`] is 64u. What
+//! m(23uB + 33u|t|) per axis, and with the roundings of their own distances from edges by less than m(62uB + 64u|t|): `ERROR` is 64u. What
 //! quadrangles are off their planes by is added. Where a ray runs along a plane, so that m is beyond 1/64u, the bound is larger than t and than
-//! all distances: nothing is sure then, and nothing that is hit is away. The decisions of `triangle.rs` are made in f64, or by f32 distances within 4u|t| of the true
-//! ones, which is less than what is left of t's bound.
+//! all distances: nothing is sure then, and nothing that is hit is away. The decisions of `triangle.rs` are made in f64, or by f32 distances
+//! within 4u|t| of the true ones, which is less than what is left of t's bound.
 //!
 //! Visits cannot be counted: there are none.
 

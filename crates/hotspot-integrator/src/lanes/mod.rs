@@ -2,7 +2,7 @@
 //!
 //! In a scene of some dozens of triangles a ray is cheap, and what is not tracing (sampler, light, BSDF, the ray's set-up) is more than half
 //! of a path. So there the samples that are not counted are traced eight at a time, one in each lane of a vector: rays try all triangles
-//! ([`hotspot_bvh::few`]), and as a path ends its lane takes the next sample of the tile ([`path`]). Each formula is that of the single path
+//! ([`hotspot_bvh::few`]), and paths wait in a pool that new samples fill up ([`path`]). Each formula is that of the single path
 //! ([`crate::path`]), in the same order of operations, so pictures are the same bit for bit.
 //!
 //! Counted samples go one by one: what is counted are visits of the tree.
