@@ -18,44 +18,18 @@
 //!
 //! Visits cannot be counted: there are none.
 
-use crate::simd::{Doubles, F8, Floats, Integers, Mask, Simd, Vectors};
+mod face;
+#[cfg(test)]
+mod tests;
+
+use crate::simd::{Doubles, Floats, Integers, Mask, Simd, Vectors};
 use crate::triangle::unit_normal;
+use face::{Equation, Face, Faces, NONE, corners, quadrangle};
 
 /// See the file's header.
 const ERROR: f32 = 64.0 * 0.5 * f32::EPSILON;
-/// The fourth corner of a quadrangle may be off the plane of the others by this part of the largest coordinate.
-const FLAT: f64 = 4.0 * f32::EPSILON as f64;
-/// A triangle's least height over the largest coordinate, below which its equations say too little.
-const LEAST_HEIGHT: f64 = 1e-4;
 /// The largest coordinates for which no product here overflows or vanishes.
 const COORDINATES: core::ops::Range<f32> = 1e-6..1e6;
-/// In place of a second triangle.
-const NONE: u32 = u32::MAX;
-
-/// Coefficients of two coordinates, and what is added.
-type Equation = [F8; 3];
-
-/// One triangle, or two that make up a convex quadrangle. All lanes of its vectors are the same.
-#[derive(Clone, Debug)]
-struct Face {
-    /// The plane's coordinate along the axis that the face faces most, by those along the two axes that follow it.
-    plane: Equation,
-    /// Distances from the edges, seen along that axis: of a single triangle the last is the diagonal.
-    edges: [Equation; 4],
-    /// Distance from the diagonal, positive in the first triangle; the third edge of a single one.
-    diagonal: Equation,
-    /// The part of the bound that does not depend on t.
-    error: F8,
-    triangles: [u32; 2],
-}
-
-/// Faces that face one axis most.
-#[derive(Clone, Debug, Default)]
-struct Faces {
-    quadrangles: Vec<Face>,
-    singles: Vec<Face>,
-}
-
 /// Rays in lanes.
 #[derive(Clone, Copy)]
 pub struct Rays<S: Simd> {
@@ -137,9 +111,9 @@ impl FewTriangles {
                 continue;
             }
             let mut later = (index + 1..triangles.len()).filter(|other| !paired[*other]);
-            let first = wide(triangle);
-            let partner =
-                later.find_map(|other| Some((other, quadrangle(&first, &wide(&triangles[other]), reach)?)));
+            let first = corners(triangle);
+            let partner = later
+                .find_map(|other| Some((other, quadrangle(&first, &corners(&triangles[other]), reach)?)));
             if let Some((other, corners)) = partner {
                 paired[other] = true;
                 let (axis, face) = Face::new(&corners, [index as u32, other as u32], reach)?;
@@ -326,8 +300,6 @@ impl<S: Simd> Scaled<S> {
 struct Meeting<S: Simd> {
     /// Distance in the [`Scaled`] direction's.
     t: Floats<S>,
-    /// How far from its edges, positive inside.
-    margin: Floats<S>,
     /// Where, along the two axes that follow the face's.
     p: (Floats<S>, Floats<S>),
     /// Bound on the errors of all of these.
@@ -354,13 +326,7 @@ fn components<S: Simd, const AXIS: usize>(
 
 impl<S: Simd> Meeting<S> {
     #[inline(always)]
-    fn new<const AXIS: usize, const PAIR: bool>(s: S, rays: &Scaled<S>, face: &Face) -> Self {
-        Self::in_plane::<AXIS>(s, rays, face).with_margin::<PAIR>(s, face)
-    }
-
-    /// Of the plane alone.
-    #[inline(always)]
-    fn in_plane<const AXIS: usize>(s: S, rays: &Scaled<S>, face: &Face) -> Self {
+    fn new<const AXIS: usize>(s: S, rays: &Scaled<S>, face: &Face) -> Self {
         let (o, o_across) = components::<S, AXIS>(rays.origin);
         let (d, d_across) = components::<S, AXIS>(rays.direction);
         let [a, b, _] = &face.plane;
@@ -370,17 +336,15 @@ impl<S: Simd> Meeting<S> {
         let t = height * inverse;
         let error = inverse.abs() * (Floats::load(s, &face.error) + t.abs() * ERROR);
         let p = (o_across.0 + d_across.0 * t, o_across.1 + d_across.1 * t);
-        Self { t, p, margin: t, error }
+        Self { t, p, error }
     }
 
+    /// How far from the face's edges, positive inside.
     #[inline(always)]
-    fn with_margin<const PAIR: bool>(self, s: S, face: &Face) -> Self {
+    fn margin<const PAIR: bool>(&self, s: S, face: &Face) -> Floats<S> {
         let [first, second, third, fourth] = &face.edges;
-        let mut margin = value(s, first, self.p).min(value(s, second, self.p)).min(value(s, third, self.p));
-        if PAIR {
-            margin = margin.min(value(s, fourth, self.p));
-        }
-        Self { margin, ..self }
+        let margin = value(s, first, self.p).min(value(s, second, self.p)).min(value(s, third, self.p));
+        if PAIR { margin.min(value(s, fourth, self.p)) } else { margin }
     }
 
     /// Which triangle of the face it is, and where that is sure.
@@ -435,8 +399,9 @@ impl<S: Simd> Nearest<S> {
         from: Integers<S>,
         active: u32,
     ) {
-        let meeting = Meeting::new::<AXIS, PAIR>(s, rays, face);
-        let Meeting { t, margin, error, .. } = meeting;
+        let meeting = Meeting::new::<AXIS>(s, rays, face);
+        let margin = meeting.margin::<PAIR>(s, face);
+        let Meeting { t, error, .. } = meeting;
         let (near, far) = (t - error, t + error);
         let away = margin.less(-error) | t.less(-error) | self.most.less(near);
         if !away.bits() & active == 0 {
@@ -485,7 +450,7 @@ impl Found {
         except: [Integers<S>; 2],
         active: u32,
     ) {
-        let meeting = Meeting::in_plane::<AXIS>(s, rays, face);
+        let meeting = Meeting::new::<AXIS>(s, rays, face);
         let Meeting { t, error, .. } = meeting;
         let end = rays.length;
         let away = t.less(-error) | end.less(t - error);
@@ -493,12 +458,11 @@ impl Found {
         if !away.bits() & active == 0 {
             return;
         }
-        let meeting = meeting.with_margin::<PAIR>(s, face);
-        let away = away | meeting.margin.less(-error);
+        let margin = meeting.margin::<PAIR>(s, face);
+        let away = away | margin.less(-error);
         if !away.bits() & active == 0 {
             return;
         }
-        let margin = meeting.margin;
         let (primitive, which) = meeting.triangle::<PAIR>(s, face);
         let excepted = primitive.equal(except[0]) | primitive.equal(except[1]);
         let away = away | (excepted & which);
@@ -507,94 +471,3 @@ impl Found {
         self.perhaps |= !(away | surely).bits();
     }
 }
-
-fn wide(triangle: &[[f32; 3]; 3]) -> [DVec; 3] {
-    triangle.map(|corner| corner.map(f64::from))
-}
-
-type DVec = [f64; 3];
-
-fn sub(a: DVec, b: DVec) -> DVec {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn dot(a: DVec, b: DVec) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: DVec, b: DVec) -> DVec {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn unit(a: DVec) -> DVec {
-    let length = dot(a, a).sqrt();
-    a.map(|x| x / length)
-}
-
-/// The corners of a convex quadrangle in a plane whose halves are two triangles: those of the first, beginning with the one that the second
-/// has not, and the other one's last.
-fn quadrangle(first: &[DVec; 3], second: &[DVec; 3], reach: f32) -> Option<[DVec; 4]> {
-    let [a, b, c] = *first;
-    [[a, b, c], [b, c, a], [c, a, b]].into_iter().find_map(|[across, from, to]| {
-        let last = *second.iter().find(|corner| **corner != from && **corner != to)?;
-        if !second.contains(&from) || !second.contains(&to) {
-            return None;
-        }
-        let normal = unit(cross(sub(from, across), sub(to, across)));
-        let flat = dot(normal, sub(last, across)).abs() <= FLAT * f64::from(reach);
-        let round = [across, from, last, to];
-        let left = |i: usize| {
-            let [p, q, r] = [0, 1, 2].map(|k| round[(i + k) % 4]);
-            dot(normal, cross(sub(q, p), sub(r, q))) > 0.0
-        };
-        (flat && (0..4).all(left)).then_some([across, from, to, last])
-    })
-}
-
-impl Face {
-    /// `corners`: of the first triangle; the last lies beyond the edge between the second and third. Of a single triangle that is the
-    /// first once more. `None` where one of them is too narrow. The axis that it faces most as well.
-    fn new([a, b, c, d]: &[DVec; 4], triangles: [u32; 2], reach: f32) -> Option<(usize, Self)> {
-        let normal = cross(sub(*b, *a), sub(*c, *a));
-        let axis = (0..3).fold(0, |most, i| if normal[i].abs() > normal[most].abs() { i } else { most });
-        let (first, second) = ((axis + 1) % 3, (axis + 2) % 3);
-        let splat = |x: f64| F8([x as f32; 8]);
-        let [x, y] = [first, second].map(|i| normal[i] / normal[axis]);
-        let plane = [splat(-x), splat(-y), splat(a[axis] + x * a[first] + y * a[second])];
-        // Distance from the edge between two corners, on the side of a third, seen along the axis; and how far that is away.
-        let edge = |p: &DVec, q: &DVec, inside: &DVec| {
-            let (dx, dy) = (q[first] - p[first], q[second] - p[second]);
-            let length = (dx * dx + dy * dy).sqrt();
-            let (nx, ny) = (-dy / length, dx / length);
-            let height = nx * (inside[first] - p[first]) + ny * (inside[second] - p[second]);
-            let [nx, ny] = [nx, ny].map(|n| n * height.signum());
-            ([splat(nx), splat(ny), splat(-(nx * p[first] + ny * p[second]))], height.abs())
-        };
-        let pair = triangles[1] != NONE;
-        let diagonal = edge(b, c, a);
-        let edges = [
-            edge(a, b, c),
-            edge(c, a, b),
-            if pair { edge(b, d, c) } else { diagonal },
-            if pair { edge(d, c, b) } else { diagonal },
-        ];
-        // What is no number is too narrow as well.
-        let least = f64::from(reach) * LEAST_HEIGHT;
-        let narrow = |height: f64| height.is_nan() || height < least;
-        if narrow(diagonal.1) || edges.iter().any(|edge| narrow(edge.1)) {
-            return None;
-        }
-        let off = if pair { 2.0 * FLAT as f32 } else { 0.0 };
-        let face = Self {
-            plane,
-            edges: edges.map(|edge| edge.0),
-            diagonal: diagonal.0,
-            error: F8([(ERROR + 3.0 * off) * reach; 8]),
-            triangles,
-        };
-        Some((axis, face))
-    }
-}
-
-#[cfg(test)]
-mod tests;

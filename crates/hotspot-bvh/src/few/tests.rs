@@ -1,7 +1,7 @@
 use super::*;
 use crate::oracle;
 use crate::random::Random;
-use crate::simd::{Isa, U8, WithSimd, dispatch};
+use crate::simd::{F8, Isa, U8, WithSimd, dispatch};
 use crate::{Hit, NO_INSTANCE, Ray};
 
 /// Eight rays against the triangles, in one instruction set: what is hit, and what is blocked.

@@ -1,24 +1,12 @@
 //! Eight paths at once give the pictures of single paths, bit for bit.
 
+use crate::chi_square::Random;
 use crate::render::{Control, Gather, Rendered, Settings, render};
 use crate::roulette::Roulette;
 use crate::sampler::SamplerKind;
 use crate::scene::{PrepareOptions, RenderScene};
 use crate::{BuildOptions, Isa};
 use hotspot_scene::{Camera, Color, Environment, Instance, Material, Mesh, Object, Projection, Scene};
-
-/// Uniform in [0, 1): SplitMix64 (Steele, Lea, Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ z >> 31) >> 40) as f64 / 16_777_216.0
-    }
-}
 
 /// The sides of a box that is skewed and turned a little, where `open` does not leave one out.
 fn sides(at: [f64; 3], size: [f64; 3], skew: f64, open: usize) -> Mesh {

@@ -4,22 +4,10 @@
 //! 3e-7 each, ten in all).
 
 use super::environment::EnvironmentSampler;
+use crate::chi_square::Random;
 use core::f64::consts::{PI, TAU};
 use glam::{DVec3, Vec2, Vec3};
 use hotspot_scene::EnvironmentMap;
-
-/// Uniform in [0, 1): SplitMix64 (Steele, Lea, Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ z >> 31) >> 40) as f64 / 16_777_216.0
-    }
-}
 
 fn map(width: u32, height: u32, texel: impl FnMut(u32, u32) -> [f32; 3]) -> EnvironmentMap {
     let mut texel = texel;
