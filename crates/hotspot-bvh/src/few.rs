@@ -124,6 +124,8 @@ impl FewTriangles {
                 this.faces[axis].singles.push(face);
             }
         }
+        // Normals are read four numbers at a time.
+        this.normals.push(0.0);
         Some(this)
     }
 
@@ -172,12 +174,7 @@ impl FewTriangles {
     /// Corners of triangles.
     #[inline(always)]
     pub fn corners<S: Simd>(&self, primitive: Integers<S>) -> [Vectors<S>; 3] {
-        let first = primitive.shift_left::<3>() + primitive;
-        [
-            Vectors::gather(&self.corners, first),
-            Vectors::gather(&self.corners, first + 3),
-            Vectors::gather(&self.corners, first + 6),
-        ]
+        Vectors::gather_three(&self.corners, primitive.shift_left::<3>() + primitive)
     }
 }
 

@@ -4,7 +4,7 @@ use crate::adaptive::Plan;
 use crate::camera::FilmCamera;
 use crate::cast::closest_hits;
 use crate::class::{Class, FullClass, Learning, LobesClass, MatteClass, SceneClass, TexturedClass};
-use crate::lanes::{SampleList, SmallScene, View, points_table, trace_samples};
+use crate::lanes::{LaneScene, SampleList, View, points_table, trace_samples};
 use crate::path::{PathResult, PathSettings, Start, trace};
 use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind, pixel_key};
 use crate::scene::RenderScene;
@@ -73,7 +73,7 @@ pub(crate) struct Kernel<'a> {
     /// Whether camera rays that are not counted go in packets.
     pub(crate) packets: bool,
     /// Where paths that are not counted go eight at a time.
-    pub(crate) small: Option<&'a SmallScene>,
+    pub(crate) lanes: Option<&'a LaneScene>,
 }
 
 /// A tile and the samples to take of each of its pixels.
@@ -94,14 +94,14 @@ impl WithSimd for TileJob<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        let Some(small) = self.kernel.small else { return self.one_by_one(simd) };
+        let Some(lanes) = self.kernel.lanes else { return self.one_by_one(simd) };
         let counted = if self.tile.has_cost() { self.kernel.counted } else { 0 };
         let Range { start, end } = self.samples;
         // In the order of samples, as pixels want them: those that are counted, those that go eight at a time, and those beyond the
         // points that lanes know.
         let eights = counted.clamp(start, end)..(EIGHTS * self.kernel.halves as u64).clamp(start, end);
         self.part(start..eights.start).one_by_one(simd);
-        take_eights(simd, &mut self.part(eights.clone()), small);
+        take_eights(simd, &mut self.part(eights.clone()), lanes);
         self.part(eights.end.max(eights.start)..end).one_by_one(simd);
     }
 }
@@ -308,7 +308,7 @@ struct Visit {
 }
 
 /// The samples of a job, eight at a time. None of them is counted.
-fn take_eights<S: Simd>(simd: S, job: &mut TileJob<'_>, small: &SmallScene) {
+fn take_eights<S: Simd>(simd: S, job: &mut TileJob<'_>, lanes: &LaneScene) {
     let kernel = job.kernel;
     let mut list = SampleList::default();
     let mut visits = Vec::new();
@@ -332,7 +332,7 @@ fn take_eights<S: Simd>(simd: S, job: &mut TileJob<'_>, small: &SmallScene) {
                 }
                 visits.push(Visit { x, y, half, range });
                 if list.len() == LIST {
-                    take_list(simd, kernel, small, &list, &mut found);
+                    take_list(simd, kernel, lanes, &list, &mut found);
                     keep(job, &visits, &found);
                     list.clear();
                     visits.clear();
@@ -340,31 +340,42 @@ fn take_eights<S: Simd>(simd: S, job: &mut TileJob<'_>, small: &SmallScene) {
             }
         }
     }
-    take_list(simd, kernel, small, &list, &mut found);
+    take_list(simd, kernel, lanes, &list, &mut found);
     keep(job, &visits, &found);
 }
 
-/// Not inlined: compiled once.
+/// Not inlined: compiled once for each class.
 #[inline(never)]
 fn take_list<S: Simd>(
     simd: S,
     kernel: &Kernel<'_>,
-    small: &SmallScene,
+    lanes: &LaneScene,
     list: &SampleList,
     found: &mut Vec<[f32; 3]>,
 ) {
     let view = View {
         scene: kernel.scene,
-        small,
+        lanes,
+        packets: kernel.packets,
         camera: &kernel.camera,
         size: (kernel.width, kernel.height),
         settings: &kernel.path,
         table: points_table(),
     };
-    simd.vectorize(
-        #[inline(always)]
-        || trace_samples(simd, &view, list, found),
-    );
+    match kernel.scene.class() {
+        _ if kernel.path.learned.is_some() => simd.vectorize(
+            #[inline(always)]
+            || trace_samples::<S, Learning<LobesClass>>(simd, &view, list, found),
+        ),
+        SceneClass::Matte => simd.vectorize(
+            #[inline(always)]
+            || trace_samples::<S, MatteClass>(simd, &view, list, found),
+        ),
+        _ => simd.vectorize(
+            #[inline(always)]
+            || trace_samples::<S, LobesClass>(simd, &view, list, found),
+        ),
+    }
 }
 
 /// Adds what was found to its pixels, in the order of samples.

@@ -3,7 +3,7 @@
 use crate::adaptive::{Plan, pilot};
 use crate::camera::FilmCamera;
 use crate::kernel::{Kernel, Lost, NonFinite, TileJob};
-use crate::lanes::SmallScene;
+use crate::lanes::LaneScene;
 use crate::light::{Learned, Lessons};
 use crate::path::PathSettings;
 use crate::roulette::{Pilot, Roulette, Survival};
@@ -337,9 +337,8 @@ fn render_in_tiles(
         && settings.sampler == SamplerKind::Sobol
         && gather.radiance
         && gather.trace_shadow_rays
-        && (!gather.time || counted > 0)
-        && path.learned.is_none();
-    let small = if in_eights { SmallScene::new(scene, &camera) } else { None };
+        && (!gather.time || counted > 0);
+    let lanes = if in_eights { LaneScene::new(scene, &camera) } else { None };
     let kernel = Kernel {
         scene,
         camera,
@@ -354,7 +353,7 @@ fn render_in_tiles(
         clock: gather.time,
         payers: payers.as_ref(),
         packets: settings.packets && scene.triangle_count() as u64 <= PACKED * pixels,
-        small: small.as_ref(),
+        lanes: lanes.as_ref(),
     };
     let isa = scene.bvh.isa();
     let pilot = if settings.adaptive { pilot(total) } else { None };
@@ -475,7 +474,7 @@ fn render_in_tiles(
             isa.name(),
             if guides.learned.is_some() { "learned" } else { scene.class().name() }
         ),
-        eights: small.is_some(),
+        eights: lanes.is_some(),
         non_finite,
         non_finite_count,
     }

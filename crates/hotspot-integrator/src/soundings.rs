@@ -47,7 +47,7 @@ pub fn sound(
         radiance: false,
         clock: false,
         payers: Some(&payers),
-        small: None,
+        lanes: None,
         packets: true,
     };
     let frame = Frame::new(FrameDesc { tile: 1, ..FrameDesc::new(1, 1) });

@@ -7,17 +7,18 @@
 
 use super::{F8, Simd, U8};
 use core::arch::x86_64::{
-    __m256, __m256d, __m256i, _CMP_LE_OQ, _CMP_LT_OQ, _MM_HINT_T0, _mm_prefetch, _mm_setr_epi8,
+    __m256, __m256d, __m256i, _CMP_LE_OQ, _CMP_LT_OQ, _MM_HINT_T0, _mm_loadu_ps, _mm_prefetch, _mm_setr_epi8,
     _mm256_add_epi32, _mm256_add_pd, _mm256_add_ps, _mm256_and_ps, _mm256_and_si256, _mm256_andnot_ps,
-    _mm256_blendv_ps, _mm256_broadcastsi128_si256, _mm256_castps_si256, _mm256_castps256_ps128,
-    _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_cvtepi32_ps, _mm256_cvtpd_ps,
-    _mm256_cvtps_pd, _mm256_div_pd, _mm256_div_ps, _mm256_extractf128_ps, _mm256_i32gather_epi32,
-    _mm256_i32gather_ps, _mm256_load_ps, _mm256_load_si256, _mm256_loadu_ps, _mm256_loadu_si256,
-    _mm256_max_ps, _mm256_min_epu32, _mm256_min_pd, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_pd,
-    _mm256_mul_ps, _mm256_mullo_epi32, _mm256_or_ps, _mm256_or_si256, _mm256_permutevar8x32_ps,
-    _mm256_set_m128, _mm256_set1_epi8, _mm256_set1_epi32, _mm256_set1_ps, _mm256_shuffle_epi8,
-    _mm256_slli_epi32, _mm256_sqrt_ps, _mm256_srli_epi32, _mm256_store_ps, _mm256_store_si256,
-    _mm256_storeu_ps, _mm256_sub_epi32, _mm256_sub_pd, _mm256_sub_ps, _mm256_xor_ps, _mm256_xor_si256,
+    _mm256_blendv_ps, _mm256_broadcastsi128_si256, _mm256_castps_si256, _mm256_castps128_ps256,
+    _mm256_castps256_ps128, _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_cvtepi32_ps,
+    _mm256_cvtpd_ps, _mm256_cvtps_pd, _mm256_cvttps_epi32, _mm256_div_pd, _mm256_div_ps,
+    _mm256_extractf128_ps, _mm256_i32gather_epi32, _mm256_i32gather_ps, _mm256_insertf128_ps, _mm256_load_ps,
+    _mm256_load_si256, _mm256_loadu_ps, _mm256_loadu_si256, _mm256_max_ps, _mm256_min_epu32, _mm256_min_pd,
+    _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_pd, _mm256_mul_ps, _mm256_mullo_epi32, _mm256_or_ps,
+    _mm256_or_si256, _mm256_permutevar8x32_ps, _mm256_set_m128, _mm256_set1_epi8, _mm256_set1_epi32,
+    _mm256_set1_ps, _mm256_shuffle_epi8, _mm256_shuffle_ps, _mm256_slli_epi32, _mm256_sqrt_ps,
+    _mm256_srli_epi32, _mm256_store_ps, _mm256_store_si256, _mm256_storeu_ps, _mm256_sub_epi32,
+    _mm256_sub_pd, _mm256_sub_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps, _mm256_xor_ps, _mm256_xor_si256,
 };
 
 /// Proof that the processor has AVX2, BMI1, BMI2, LZCNT and POPCNT.
@@ -43,6 +44,34 @@ impl Avx2 {
 #[inline]
 fn with_avx2<R>(f: impl FnOnce() -> R) -> R {
     f()
+}
+
+/// The four numbers from each index on: the first ones, the second ones and so on.
+///
+/// # Safety
+/// The processor has AVX2, and four numbers can be read from each index on.
+#[inline(always)]
+unsafe fn columns_of_fours(from: *const f32, first: &[u32; 8]) -> [__m256; 4] {
+    // Loops and closures would be calls without the instruction set.
+    // SAFETY: as this function's.
+    unsafe {
+        let a = _mm256_castps128_ps256(_mm_loadu_ps(from.add(first[0] as usize)));
+        let b = _mm256_castps128_ps256(_mm_loadu_ps(from.add(first[1] as usize)));
+        let c = _mm256_castps128_ps256(_mm_loadu_ps(from.add(first[2] as usize)));
+        let d = _mm256_castps128_ps256(_mm_loadu_ps(from.add(first[3] as usize)));
+        let a = _mm256_insertf128_ps::<1>(a, _mm_loadu_ps(from.add(first[4] as usize)));
+        let b = _mm256_insertf128_ps::<1>(b, _mm_loadu_ps(from.add(first[5] as usize)));
+        let c = _mm256_insertf128_ps::<1>(c, _mm_loadu_ps(from.add(first[6] as usize)));
+        let d = _mm256_insertf128_ps::<1>(d, _mm_loadu_ps(from.add(first[7] as usize)));
+        let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
+        let (ab_high, cd_high) = (_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d));
+        [
+            _mm256_shuffle_ps::<0b01_00_01_00>(ab, cd),
+            _mm256_shuffle_ps::<0b11_10_11_10>(ab, cd),
+            _mm256_shuffle_ps::<0b01_00_01_00>(ab_high, cd_high),
+            _mm256_shuffle_ps::<0b11_10_11_10>(ab_high, cd_high),
+        ]
+    }
 }
 
 impl Simd for Avx2 {
@@ -281,6 +310,39 @@ impl Simd for Avx2 {
             _mm256_i32gather_epi32::<4>(from.as_ptr().cast(), indices)
         }
     }
+    #[inline(always)]
+    fn gather_fours(self, from: &[f32], first: __m256i) -> [__m256; 4] {
+        let last = super::last_run::<4>(from.len());
+        // SAFETY: `self` proves AVX2; from no index on are there fewer than four entries.
+        unsafe {
+            let first = _mm256_min_epu32(first, _mm256_set1_epi32(last.cast_signed()));
+            let U8(first) = self.store_integers(first);
+            columns_of_fours(from.as_ptr(), &first)
+        }
+    }
+    #[inline(always)]
+    fn gather_fours_of_integers(self, from: &[u32], first: __m256i) -> [__m256i; 4] {
+        let last = super::last_run::<4>(from.len());
+        // SAFETY: `self` proves AVX2; from no index on are there fewer than four entries, of the size of a float and any bits.
+        unsafe {
+            let first = _mm256_min_epu32(first, _mm256_set1_epi32(last.cast_signed()));
+            let U8(first) = self.store_integers(first);
+            let [a, b, c, d] = columns_of_fours(from.as_ptr().cast(), &first);
+            [self.bits_of(a), self.bits_of(b), self.bits_of(c), self.bits_of(d)]
+        }
+    }
+    #[inline(always)]
+    fn gather_eights(self, from: &[f32], first: __m256i) -> [__m256; 8] {
+        let last = super::last_run::<8>(from.len());
+        // SAFETY: `self` proves AVX2; from no index on are there fewer than eight entries.
+        unsafe {
+            let first = _mm256_min_epu32(first, _mm256_set1_epi32(last.cast_signed()));
+            let U8(first) = self.store_integers(first);
+            let [a, b, c, d] = columns_of_fours(from.as_ptr(), &first);
+            let [e, f, g, h] = columns_of_fours(from.as_ptr().add(4), &first);
+            [a, b, c, d, e, f, g, h]
+        }
+    }
 
     #[inline(always)]
     fn widen(self, a: __m256) -> [__m256d; 2] {
@@ -313,6 +375,11 @@ impl Simd for Avx2 {
     fn to_floats(self, a: __m256i) -> __m256 {
         // SAFETY: `self` proves AVX2.
         unsafe { _mm256_cvtepi32_ps(a) }
+    }
+    #[inline(always)]
+    fn truncate(self, a: __m256) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_cvttps_epi32(a) }
     }
     #[inline(always)]
     fn bits_of(self, a: __m256) -> __m256i {

@@ -168,6 +168,28 @@ impl<S: Simd> Floats<S> {
         Self(indices.0, indices.0.gather(from, indices.1))
     }
 
+    /// Four entries of a table from each index on ([`Simd::gather_fours`]).
+    ///
+    /// # Panics
+    /// With fewer entries.
+    #[inline(always)]
+    pub fn gather_fours(from: &[f32], first: Integers<S>) -> [Self; 4] {
+        let s = first.0;
+        let [a, b, c, d] = s.gather_fours(from, first.1);
+        [Self(s, a), Self(s, b), Self(s, c), Self(s, d)]
+    }
+
+    /// Eight entries of a table from each index on ([`Simd::gather_eights`]).
+    ///
+    /// # Panics
+    /// With fewer entries.
+    #[inline(always)]
+    pub fn gather_eights(from: &[f32], first: Integers<S>) -> [Self; 8] {
+        let s = first.0;
+        let [a, b, c, d, e, f, g, h] = s.gather_eights(from, first.1);
+        [Self(s, a), Self(s, b), Self(s, c), Self(s, d), Self(s, e), Self(s, f), Self(s, g), Self(s, h)]
+    }
+
     /// Without sign.
     #[inline(always)]
     pub fn abs(self) -> Self {
@@ -217,6 +239,12 @@ impl<S: Simd> Floats<S> {
         let sign = self.0.splat(-0.0);
         let magnitude = self.0.and_not(sign, self.1);
         Self(self.0, self.0.or(magnitude, self.0.and(sign, other.1)))
+    }
+
+    /// Without fractions, of lanes that are at least 0 and below 2^31.
+    #[inline(always)]
+    pub fn truncate(self) -> Integers<S> {
+        Integers(self.0, self.0.truncate(self.1))
     }
 
     /// Exactly.
@@ -271,6 +299,17 @@ impl<S: Simd> Integers<S> {
     #[inline(always)]
     pub fn gather(from: &[u32], indices: Self) -> Self {
         Self(indices.0, indices.0.gather_integers(from, indices.1))
+    }
+
+    /// Four entries of a table from each index on ([`Simd::gather_fours`]).
+    ///
+    /// # Panics
+    /// With fewer entries.
+    #[inline(always)]
+    pub fn gather_fours(from: &[u32], first: Self) -> [Self; 4] {
+        let s = first.0;
+        let [a, b, c, d] = s.gather_fours_of_integers(from, first.1);
+        [Self(s, a), Self(s, b), Self(s, c), Self(s, d)]
     }
 
     /// Lane i gets lane `indices[i]`.
@@ -439,17 +478,25 @@ impl<S: Simd> Vectors<S> {
         [self.x.store(), self.y.store(), self.z.store()]
     }
 
-    /// Three entries of a table from each index on.
+    /// Three entries of a table from each index on; there is a fourth behind all that are asked for.
     ///
     /// # Panics
-    /// Without entries.
+    /// With fewer than four entries.
     #[inline(always)]
     pub fn gather(from: &[f32], first: Integers<S>) -> Self {
-        Self::new(
-            Floats::gather(from, first),
-            Floats::gather(from, first + 1),
-            Floats::gather(from, first + 2),
-        )
+        let [x, y, z, _] = Floats::gather_fours(from, first);
+        Self::new(x, y, z)
+    }
+
+    /// Three vectors whose nine components stand in a table from each index on.
+    ///
+    /// # Panics
+    /// With fewer than nine entries.
+    #[inline(always)]
+    pub fn gather_three(from: &[f32], first: Integers<S>) -> [Self; 3] {
+        let [ax, ay, az, bx, by, bz, cx, cy] = Floats::gather_eights(from, first);
+        let cz = Floats::gather(from, first + 8);
+        [Self::new(ax, ay, az), Self::new(bx, by, bz), Self::new(cx, cy, cz)]
     }
 
     /// The entries of three tables of eight.

@@ -118,6 +118,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn equal_integers(self, a: Self::Integers, b: Self::Integers) -> Self::Vector;
     /// The numbers, of lanes below 2^31.
     fn to_floats(self, a: Self::Integers) -> Self::Vector;
+    /// Without their fractions, of lanes that are at least 0 and below 2^31; of others anything.
+    fn truncate(self, a: Self::Vector) -> Self::Integers;
     /// The same bits.
     fn bits_of(self, a: Self::Vector) -> Self::Integers;
     /// The same bits.
@@ -138,6 +140,21 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// # Panics
     /// Without entries, or with 2^31 and more.
     fn gather_integers(self, from: &[u32], indices: Self::Integers) -> Self::Integers;
+    /// The four entries from each index on, first entries first; the last four for indices beyond. Much faster than four gathers.
+    ///
+    /// # Panics
+    /// With fewer than four entries, or with 2^31 and more.
+    fn gather_fours(self, from: &[f32], first: Self::Integers) -> [Self::Vector; 4];
+    /// The same of whole numbers.
+    ///
+    /// # Panics
+    /// As [`Simd::gather_fours`].
+    fn gather_fours_of_integers(self, from: &[u32], first: Self::Integers) -> [Self::Integers; 4];
+    /// As [`Simd::gather_fours`] for eight entries.
+    ///
+    /// # Panics
+    /// With fewer than eight entries, or with 2^31 and more.
+    fn gather_eights(self, from: &[f32], first: Self::Integers) -> [Self::Vector; 8];
 
     /// Exactly.
     fn widen(self, a: Self::Vector) -> Self::Doubles;
@@ -158,8 +175,14 @@ pub trait Simd: Copy + Send + Sync + 'static {
 /// The last index of a table that lanes gather from.
 #[inline(always)]
 fn last_index(len: usize) -> u32 {
-    assert!(len > 0 && len <= i32::MAX as usize, "lanes gather from tables of 1 to 2^31 - 1 entries");
-    (len - 1) as u32
+    last_run::<1>(len)
+}
+
+/// The last index from which on a table of this length has so many entries.
+#[inline(always)]
+fn last_run<const N: usize>(len: usize) -> u32 {
+    assert!(len >= N && len <= i32::MAX as usize, "lanes gather from tables of {N} to 2^31 - 1 entries");
+    (len - N) as u32
 }
 
 /// An algorithm that runs under any [`Simd`] token; see [`dispatch`].
@@ -228,13 +251,18 @@ mod tests {
     fn whole_numbers_and_doubles_agree_bit_for_bit() {
         struct Ops(U8, U8, F8, F8);
         impl WithSimd for Ops {
-            type Output = ([[u32; 8]; 11], [[u32; 8]; 17], u32);
+            type Output = ([[u32; 8]; 16], [[u32; 8]; 17], [[u32; 8]; 12], u32);
             #[inline(always)]
             fn run<S: Simd>(self, s: S) -> Self::Output {
                 let (a, b) = (s.load_integers(&self.0), s.load_integers(&self.1));
                 let table = self.0.0;
                 let small = s.shift_right::<4>(a);
+                let [w, x, y, z] = s.gather_fours_of_integers(&table, s.shift_right::<29>(b));
                 let integers = [
+                    w,
+                    x,
+                    y,
+                    z,
                     s.add_integers(a, b),
                     s.sub_integers(a, b),
                     s.mul_integers(a, b),
@@ -246,6 +274,7 @@ mod tests {
                     s.bits_of(s.to_floats(s.shift_right::<1>(a))),
                     s.gather_integers(&table, s.shift_right::<29>(b)),
                     s.gather_integers(&table[..3], b),
+                    s.truncate(s.load(&self.3)),
                 ];
                 let (x, y) = (s.load(&self.2), s.load(&self.3));
                 let (p, q) = (s.widen(x), s.widen(y));
@@ -273,7 +302,14 @@ mod tests {
                 // As above, of a NaN only that it is one counts; masks are full of bits and stay so.
                 let bits = |f: f32| if f.is_nan() { 0x7fc0_0000 } else { f.to_bits() };
                 let integers = integers.map(|v| s.store_integers(v).0);
-                (integers, floats.map(|v| s.store(v).0.map(bits)), s.signs(s.less(x, y)))
+                let rows: [f32; 13] = core::array::from_fn(|i| f32::from_bits(self.1.0[i & 7] ^ i as u32));
+                let [c, d, e, f] = s.gather_fours(&rows, s.shift_right::<28>(b));
+                let [g, h, i, j, k, l, m, n] = s.gather_eights(&rows, s.shift_right::<29>(a));
+                let rows = [c, d, e, f, g, h, i, j, k, l, m, n];
+                let floats = floats.map(|v| s.store(v).0.map(bits));
+                // All bits of these count: they may be whole numbers.
+                let rows = rows.map(|v| s.store(v).0.map(f32::to_bits));
+                (integers, floats, rows, s.signs(s.less(x, y)))
             }
         }
         let numbers = [0, 1, 2, 0x7fff_ffff, 0x8000_0000, u32::MAX, 0xdead_beef, 77];

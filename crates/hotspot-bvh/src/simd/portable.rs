@@ -230,6 +230,17 @@ impl Simd for Portable {
         ))
     }
     #[inline(always)]
+    fn truncate(self, a: F8) -> U8 {
+        // As the processor does it where a number does not fit.
+        U8(core::array::from_fn(
+            #[inline(always)]
+            |i| {
+                let fits = a.0[i] > -2_147_483_649.0 && a.0[i] < 2_147_483_648.0;
+                if fits { (a.0[i] as i32).cast_unsigned() } else { 1 << 31 }
+            },
+        ))
+    }
+    #[inline(always)]
     fn bits_of(self, a: F8) -> U8 {
         U8(core::array::from_fn(
             #[inline(always)]
@@ -276,6 +287,27 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    fn gather_fours(self, from: &[f32], first: U8) -> [F8; 4] {
+        columns(from, first)
+    }
+    #[inline(always)]
+    fn gather_fours_of_integers(self, from: &[u32], first: U8) -> [U8; 4] {
+        let last = super::last_run::<4>(from.len());
+        let mut columns = [U8([0; 8]); 4];
+        for lane in 0..8 {
+            let row = &from[first.0[lane].min(last) as usize..][..4];
+            for (column, number) in columns.iter_mut().zip(row) {
+                column.0[lane] = *number;
+            }
+        }
+        columns
+    }
+    #[inline(always)]
+    fn gather_eights(self, from: &[f32], first: U8) -> [F8; 8] {
+        columns(from, first)
+    }
+
+    #[inline(always)]
     fn widen(self, a: F8) -> [f64; 8] {
         core::array::from_fn(
             #[inline(always)]
@@ -309,4 +341,18 @@ impl Simd for Portable {
     fn min_doubles(self, a: [f64; 8], b: [f64; 8]) -> [f64; 8] {
         zip_doubles(a, b, |a, b| if a < b { a } else { b })
     }
+}
+
+/// The numbers from each index on: the first ones, the second ones and so on.
+#[inline(always)]
+fn columns<const N: usize>(from: &[f32], first: U8) -> [F8; N] {
+    let last = super::last_run::<N>(from.len());
+    let mut columns = [F8([0.0; 8]); N];
+    for lane in 0..8 {
+        let row = &from[first.0[lane].min(last) as usize..][..N];
+        for (column, number) in columns.iter_mut().zip(row) {
+            column.0[lane] = *number;
+        }
+    }
+    columns
 }

@@ -10,6 +10,7 @@ mod point;
 
 use crate::class::{Class, Feature, has};
 use glam::{DVec3, Vec2, Vec3};
+use hotspot_bvh::simd::{Integers, Simd, Vectors};
 use hotspot_bvh::{Hit, NO_INSTANCE};
 use std::ops::Range;
 
@@ -39,6 +40,12 @@ pub(crate) struct Part {
 impl Part {
     fn has_attributes(&self) -> bool {
         [self.normals, self.tangents, self.uvs, self.second_uvs, self.colors].iter().any(Option::is_some)
+    }
+
+    /// What to add to a triangle's number for where its corners' indices are, and to those for where its normals are; `None`
+    /// without normals of its own.
+    pub(crate) fn smooth(&self) -> Option<[u32; 2]> {
+        Some([self.first_corner?.wrapping_sub(self.first_triangle), self.normals?])
     }
 
     /// Whether bumps can be applied.
@@ -114,7 +121,7 @@ pub(crate) struct Geometry {
     least_height: Vec<f32>,
     /// For the triangles of parts with attributes: the corners' indices, counted from where each attribute begins.
     corners: Vec<[u32; 3]>,
-    normals: Vec<Vec3>,
+    normals: Vec<[f32; 3]>,
     /// Direction, and handedness of the bitangent.
     tangents: Vec<[f32; 4]>,
     uvs: Vec<Vec2>,
@@ -205,7 +212,19 @@ impl Geometry {
     pub(crate) fn corner_normals(&self, primitive: u32) -> Option<[Vec3; 3]> {
         let surface = self.world_surface(primitive);
         let (first, corners) = (surface.part.normals?, self.corners(surface)?);
-        Some(corners.map(|corner| self.normals[(first + corner) as usize]))
+        Some(corners.map(|corner| Vec3::from_array(self.normals[(first + corner) as usize])))
+    }
+
+    /// The corners' indices and the normals that [`Part::smooth`] points into; behind those in use there are at least four numbers more.
+    pub(crate) fn corners_and_normals(&self) -> (&[u32], &[f32]) {
+        (self.corners.as_flattened(), self.normals.as_flattened())
+    }
+
+    /// Corners of eight triangles.
+    #[inline(always)]
+    pub(crate) fn corners_in_lanes<S: Simd>(&self, triangle: Integers<S>) -> [Vectors<S>; 3] {
+        let corners = self.triangles.as_flattened().as_flattened();
+        Vectors::gather_three(corners, triangle.shift_left::<3>() + triangle)
     }
 
     /// Of each triangle: the least distance of a corner from the opposite edge.
@@ -247,7 +266,7 @@ impl Geometry {
         let (Some(first), Some(corners)) = (surface.part.normals, self.corners(surface)) else {
             return geometric;
         };
-        let n = |i: usize| self.normals[(first + corners[i]) as usize];
+        let n = |i: usize| Vec3::from_array(self.normals[(first + corners[i]) as usize]);
         let normal = n(0) * (1.0 - hit.u - hit.v) + n(1) * hit.u + n(2) * hit.v;
         let normal = surface.placed.map_or(normal, |placed| placed.normal(normal));
         normal.try_normalize().unwrap_or(geometric)

@@ -2,7 +2,7 @@
 
 use super::point::least_height;
 use super::{Geometry, Part, Placed};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec2};
 use hotspot_bvh::Bvh;
 use hotspot_scene::{Instance, Mesh, Scene};
 
@@ -179,6 +179,9 @@ impl Geometry {
             };
             geometry.placed.push(Placed::new(tree, part, &instance.to_world));
         }
+        // Lanes read them four numbers at a time ([`Geometry::corners_and_normals`]).
+        geometry.corners.extend([[0; 3]; 2]);
+        geometry.normals.extend([[0.0; 3]; 2]);
         Ok((geometry, dropped))
     }
 
@@ -262,16 +265,16 @@ impl Geometry {
 fn placed_normals<'a>(
     normals: &'a [[f32; 3]],
     to_world: Option<&[[f64; 4]; 3]>,
-) -> impl Iterator<Item = Vec3> + 'a {
+) -> impl Iterator<Item = [f32; 3]> + 'a {
     let placing = to_world.map(|m| {
         let (rows, determinant) = cofactors(m);
         (rows, if determinant < 0.0 { -1.0 } else { 1.0 })
     });
     normals.iter().map(move |n| {
-        let Some((rows, sign)) = placing else { return Vec3::from_array(*n) };
+        let Some((rows, sign)) = placing else { return *n };
         let n = n.map(f64::from);
         let w = rows.map(|r| sign * (r[0] * n[0] + r[1] * n[1] + r[2] * n[2]));
-        DVec3::from_array(w).normalize_or_zero().as_vec3()
+        DVec3::from_array(w).normalize_or_zero().as_vec3().to_array()
     })
 }
 

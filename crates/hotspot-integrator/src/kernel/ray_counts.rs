@@ -186,7 +186,7 @@ fn check(name: &str, scene: &Scene, instancing: Instancing) -> Held {
         radiance: true,
         clock: false,
         payers: None,
-        small: None,
+        lanes: None,
         packets: true,
     };
     let mut held = Held::default();

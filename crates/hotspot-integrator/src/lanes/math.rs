@@ -1,10 +1,10 @@
 //! Formulas of [`crate::math`] and its neighbours for eight paths at once, in the same order of operations.
 
-use hotspot_bvh::simd::{Floats, Simd, Vectors};
+use hotspot_bvh::simd::{F8, Floats, Integers, Simd, Vectors};
 
 /// [`crate::math::square_to_cosine_hemisphere`].
 #[inline(always)]
-pub(super) fn square_to_cosine_hemisphere<S: Simd>(s: S, u: Floats<S>, v: Floats<S>) -> Vectors<S> {
+pub(crate) fn square_to_cosine_hemisphere<S: Simd>(s: S, u: Floats<S>, v: Floats<S>) -> Vectors<S> {
     let zero = Floats::splat(s, 0.0);
     let two = Floats::splat(s, 2.0);
     let (a, b) = (two * u - 1.0, two * v - 1.0);
@@ -42,16 +42,67 @@ pub(crate) fn square_to_triangle<S: Simd>(u: Floats<S>, v: Floats<S>) -> (Floats
     (above.select(half, u - half), above.select(v - half, half))
 }
 
-/// [`crate::math::Frame::to_world`] in the frame around unit normals.
+/// [`crate::math::Frame`].
+#[derive(Clone, Copy)]
+pub(crate) struct FrameLanes<S: Simd> {
+    s: Vectors<S>,
+    t: Vectors<S>,
+    pub(crate) n: Vectors<S>,
+}
+
+impl<S: Simd> FrameLanes<S> {
+    /// Around unit normals.
+    #[inline(always)]
+    pub(super) fn new(s: S, n: Vectors<S>) -> Self {
+        let one = Floats::splat(s, 1.0);
+        let sign = one.copysign(n.z);
+        let a = Floats::splat(s, -1.0) / (sign + n.z);
+        let b = n.x * n.y * a;
+        Self {
+            s: Vectors::new(one + sign * n.x * n.x * a, sign * b, -sign * n.x),
+            t: Vectors::new(b, sign + n.y * n.y * a, -n.y),
+            n,
+        }
+    }
+
+    /// Tangents, bitangents and normals.
+    #[inline(always)]
+    pub(crate) fn store(&self) -> [[F8; 3]; 3] {
+        [self.s.store(), self.t.store(), self.n.store()]
+    }
+
+    #[inline(always)]
+    pub(super) fn to_local(self, v: Vectors<S>) -> Vectors<S> {
+        Vectors::new(v.dot(self.s), v.dot(self.t), v.dot(self.n))
+    }
+
+    #[inline(always)]
+    pub(crate) fn to_world(self, v: Vectors<S>) -> Vectors<S> {
+        self.s.scaled(v.x) + self.t.scaled(v.y) + self.n.scaled(v.z)
+    }
+}
+
+/// [`crate::math::sin_cos_turn`].
 #[inline(always)]
-pub(super) fn to_world<S: Simd>(s: S, n: Vectors<S>, v: Vectors<S>) -> Vectors<S> {
-    let sign = Floats::splat(s, 1.0).copysign(n.z);
-    let a = Floats::splat(s, -1.0) / (sign + n.z);
-    let b = n.x * n.y * a;
-    let one = Floats::splat(s, 1.0);
-    let tangent = Vectors::new(one + sign * n.x * n.x * a, sign * b, -sign * n.x);
-    let bitangent = Vectors::new(b, sign + n.y * n.y * a, -n.y);
-    tangent.scaled(v.x) + bitangent.scaled(v.y) + n.scaled(v.z)
+pub(super) fn sin_cos_turn<S: Simd>(s: S, u: Floats<S>) -> (Floats<S>, Floats<S>) {
+    let quarter = (u * 4.0 + 0.5).truncate();
+    let angle = (u * 4.0 - quarter.to_floats()) * core::f32::consts::FRAC_PI_2;
+    let (sin, cos) = sin_cos_eighth(s, angle);
+    let odd = (quarter & 1).is(1);
+    (negated(odd.select(cos, sin), quarter), negated(odd.select(sin, cos), quarter + 1))
+}
+
+/// Where the second bit of `when` is set.
+#[inline(always)]
+fn negated<S: Simd>(x: Floats<S>, when: Integers<S>) -> Floats<S> {
+    (x.bits() ^ (when & 2).shift_left::<30>()).as_bits()
+}
+
+/// [`crate::math::pow5`].
+#[inline(always)]
+pub(super) fn pow5<S: Simd>(x: Floats<S>) -> Floats<S> {
+    let x2 = x * x;
+    x2 * x2 * x
 }
 
 /// [`crate::math::power_heuristic`].

@@ -1,95 +1,136 @@
-//! Eight paths at once through scenes of few matte triangles.
+//! Eight paths at once, a lane each.
 //!
-//! In a scene of some dozens of triangles a ray is cheap, and what is not tracing (sampler, light, BSDF, the ray's set-up) is more than half
-//! of a path. So there the samples that are not counted are traced eight at a time, one in each lane of a vector: rays try all triangles
-//! ([`hotspot_bvh::few`]), and paths wait in a pool that new samples fill up ([`path`]). Each formula is that of the single path
-//! ([`crate::path`]), in the same order of operations, so pictures are the same bit for bit.
+//! What is not tracing (sampler, light, BSDF, normals, points) is more than half of a path, and most of it is the same for every path: so
+//! samples that are not counted go eight at a time, in the lanes of vectors ([`path`]). In scenes of some dozens of triangles their rays try
+//! all triangles at once ([`hotspot_bvh::few`]); in others each searches the tree by itself ([`tree`]). Each formula is that of the single
+//! path ([`crate::path`]), in the same order of operations, so pictures are the same bit for bit.
 //!
-//! Counted samples go one by one: what is counted are visits of the tree.
+//! Counted samples go one by one.
 
+mod bsdf;
 pub(crate) mod math;
 mod path;
 mod sampler;
 #[cfg(test)]
 mod tests;
+mod tree;
 
 use crate::camera::FilmCamera;
 use crate::class::SceneClass;
-use crate::geometry::{SurfacePoint, SurfaceTriangle};
+use crate::geometry::{Part, SurfacePoint};
 use crate::light::LightLanes;
 use crate::scene::RenderScene;
+use bsdf::Kind;
 use glam::Vec3;
 use hotspot_bvh::few::FewTriangles;
-use hotspot_bvh::simd::{Doubles, F8, Floats, Simd, Vectors};
-use hotspot_scene::Bsdf;
+use hotspot_bvh::simd::{Doubles, F8, Floats, Integers, Mask, Simd, Vectors};
+use hotspot_probe::NONE;
+use hotspot_scene::{Bsdf, Material};
 pub(crate) use path::{SampleList, View, trace_samples};
 pub(crate) use sampler::points_table;
 
-/// A scene whose paths can go eight at a time.
+/// What paths in lanes read of a scene, beside its geometry.
 #[derive(Clone, Debug)]
-pub(crate) struct SmallScene {
-    few: FewTriangles,
+pub(crate) struct LaneScene {
+    /// Where all triangles are tried instead of searched.
+    few: Option<FewTriangles>,
     lights: LightLanes,
-    // Of each triangle, by its number:
-    /// [`SurfaceTriangle::error`].
-    errors: Vec<f32>,
-    least_height: Vec<f32>,
-    reflectance: Vec<f32>,
-    emission: Vec<f32>,
-    light_pdf_area: Vec<f32>,
-    /// 1 where both sides emit.
-    two_sided: Vec<u32>,
-    /// Corner by corner; empty where no surface has normals of its own.
-    normals: Vec<f32>,
-    /// 1 where the surface has normals of its own.
-    smooth: Vec<u32>,
-    /// Whether no triangle has corners with different normals.
-    flat: bool,
+    /// Of each part ([`PartLanes`]).
+    rows: Vec<[f32; ROW]>,
+    /// Whether any surface has normals of its own.
+    smooth: bool,
+    /// Of few triangles whose corners have the same normal each: those; of triangles without any, zeros. One number more at the end.
+    flat_normals: Option<Vec<f32>>,
 }
 
-impl SmallScene {
-    /// `None` unless the scene has at most [`FewTriangles::MOST`] triangles, of regular shape and matte without textures, lit by a few
-    /// of them alone. Nor for parallel cameras that look along a triangle: all of their rays would be doubtful.
+/// Numbers of a part's row: a cache line.
+const ROW: usize = 16;
+
+/// What a part's row says, whole numbers by their bits: in [`PartLanes`] the first eight numbers, in [`BsdfLanes`](bsdf::BsdfLanes) the others.
+#[derive(Clone, Copy)]
+struct PartLanes<S: Simd> {
+    light_pdf_area: Floats<S>,
+    emission: Vectors<S>,
+    /// Whether both sides emit.
+    two_sided: Mask<S>,
+    /// [`Part::smooth`]; normals are at [`NONE`] where there are none.
+    corners_at: Integers<S>,
+    normals_at: Integers<S>,
+    /// [`Kind`].
+    kind: Integers<S>,
+}
+
+impl LaneScene {
+    /// `None` for scenes of other classes than matte and lobes. All triangles are tried where there are at most
+    /// [`FewTriangles::MOST`], of regular shape, and no environment; unless a parallel camera looks along one: all of its rays would be
+    /// doubtful.
     pub(crate) fn new(scene: &RenderScene, camera: &FilmCamera) -> Option<Self> {
         let geometry = &scene.geometry;
-        if scene.class() != SceneClass::Matte || geometry.triangles.len() > FewTriangles::MOST {
+        if !matches!(scene.class(), SceneClass::Matte | SceneClass::Lobes) || geometry.triangles.is_empty() {
             return None;
         }
         let lights = LightLanes::new(&scene.lights, geometry, &scene.materials)?;
-        let few = FewTriangles::new(&geometry.triangles, camera.reach())?;
-        if camera.parallel_direction().is_some_and(|direction| few.has_along(direction)) {
-            return None;
-        }
-        let all = 0..geometry.triangles.len() as u32;
-        let material = |t: u32| &scene.materials[geometry.part(t).material as usize];
-        let reflectance = |t: u32| match &material(t).bsdf {
-            Bsdf::Matte { reflectance } => reflectance.factor,
-            _ => [0.0; 3],
-        };
-        let normals: Vec<Option<[Vec3; 3]>> = all.clone().map(|t| geometry.corner_normals(t)).collect();
-        let smooth = normals.iter().any(Option::is_some);
+        let few =
+            if lights.has_sky() { None } else { FewTriangles::new(&geometry.triangles, camera.reach()) };
+        let few =
+            few.filter(|few| !camera.parallel_direction().is_some_and(|direction| few.has_along(direction)));
+        let rows = geometry.parts.iter().map(|part| row(part, &scene.materials[part.material as usize]));
+        let flat_normals = few.as_ref().and_then(|_| {
+            let all = (0..geometry.triangles.len() as u32).map(|t| match geometry.corner_normals(t) {
+                None => Some([0.0; 3]),
+                Some(corners) => {
+                    // By bits: the sign of a zero turns the shading frame.
+                    let [a, b, c] = corners.map(|n| n.to_array().map(f32::to_bits));
+                    (a == b && a == c).then_some(corners[0].to_array())
+                }
+            });
+            all.chain([Some([0.0; 3])]).collect::<Option<Vec<_>>>().map(|all| all.concat())
+        });
         Some(Self {
             few,
             lights,
-            errors: geometry.triangles.iter().flat_map(|t| SurfaceTriangle::new(t).error).collect(),
-            least_height: geometry.least_heights().to_vec(),
-            reflectance: all.clone().flat_map(reflectance).collect(),
-            emission: all.clone().flat_map(|t| material(t).emission.factor).collect(),
-            light_pdf_area: all.clone().map(|t| geometry.part(t).light_pdf_area).collect(),
-            two_sided: all.map(|t| u32::from(material(t).double_sided)).collect(),
-            flat: normals.iter().flatten().all(|corners| {
-                // By bits: the sign of a zero turns the shading frame.
-                let [a, b, c] = corners.map(|n| n.to_array().map(f32::to_bits));
-                a == b && a == c
-            }),
-            smooth: normals.iter().map(|n| u32::from(n.is_some())).collect(),
-            normals: if smooth {
-                normals.iter().flat_map(|n| n.unwrap_or([Vec3::ZERO; 3])).flat_map(|n| n.to_array()).collect()
-            } else {
-                Vec::new()
-            },
+            rows: rows.collect(),
+            smooth: geometry.parts.iter().any(|part| part.smooth().is_some()),
+            flat_normals,
         })
     }
+
+    /// The parts of these numbers.
+    #[inline(always)]
+    fn parts<S: Simd>(&self, part: Integers<S>) -> PartLanes<S> {
+        let [light_pdf_area, r, g, b, two_sided, corners_at, normals_at, kind] =
+            Floats::gather_eights(self.rows.as_flattened(), part.shift_left::<4>());
+        PartLanes {
+            light_pdf_area,
+            emission: Vectors::new(r, g, b),
+            two_sided: two_sided.bits().is(1),
+            corners_at: corners_at.bits(),
+            normals_at: normals_at.bits(),
+            kind: kind.bits(),
+        }
+    }
+}
+
+/// A part's row.
+fn row(part: &Part, material: &Material) -> [f32; ROW] {
+    let [corners, normals] = part.smooth().unwrap_or([0, NONE]).map(f32::from_bits);
+    let two_sided = f32::from_bits(material.double_sided.into());
+    let [r, g, b] = material.emission.factor;
+    let kind = f32::from_bits(Kind::of(&material.bsdf) as u32);
+    let mut row = [0.0; ROW];
+    row[..8].copy_from_slice(&[part.light_pdf_area, r, g, b, two_sided, corners, normals, kind]);
+    // As `resolve` has it without textures.
+    match &material.bsdf {
+        Bsdf::Matte { reflectance } => row[8..11].copy_from_slice(&reflectance.factor),
+        Bsdf::Substrate { diffuse, specular, specular_weight, roughness } => {
+            let specular = Vec3::from_array(specular.factor) * specular_weight.factor;
+            row[8..11].copy_from_slice(&diffuse.factor);
+            row[11..14].copy_from_slice(&specular.to_array());
+            row[14] = (roughness.factor * roughness.factor).max(1e-3);
+        }
+        _ => {}
+    }
+    row
 }
 
 /// [`SurfacePoint`]s in lanes.
@@ -105,8 +146,16 @@ fn interpolated<S: Simd>([a, b, c]: [Floats<S>; 3], u: Doubles<S>, v: Doubles<S>
     (a + (b.widen() - a) * u + (c.widen() - a) * v).narrow()
 }
 
+/// The triangles' share of errors: [`SurfaceTriangle::error`](crate::geometry::SurfaceTriangle).
+#[inline(always)]
+fn triangle_error<S: Simd>(s: S, [a, b, c]: [Vectors<S>; 3]) -> Vectors<S> {
+    let (a, b, c) = (a.abs(), b.abs(), c.abs());
+    let most = Vectors::new(a.x.max(b.x).max(c.x), a.y.max(b.y).max(c.y), a.z.max(b.z).max(c.z));
+    most.scaled(Floats::splat(s, 2.273_737e-13))
+}
+
 impl<S: Simd> PointLanes<S> {
-    /// [`SurfaceTriangle::point`]; `errors`: the triangles' share.
+    /// [`SurfaceTriangle::point`](crate::geometry::SurfaceTriangle::point); `errors`: the triangles' share.
     #[inline(always)]
     pub(crate) fn new(
         s: S,
@@ -126,11 +175,9 @@ impl<S: Simd> PointLanes<S> {
 
     /// With lanes `bits` replaced one by one.
     #[inline(always)]
-    pub(crate) fn replaced(self, s: S, mut bits: u32, mut by: impl FnMut(usize) -> SurfacePoint) -> Self {
+    pub(crate) fn replaced(self, s: S, bits: u32, mut by: impl FnMut(usize) -> SurfacePoint) -> Self {
         let (mut p, mut error) = (self.p.store(), self.error.store());
-        while bits != 0 {
-            let lane = bits.trailing_zeros() as usize & 7;
-            bits &= bits - 1;
+        for lane in Lanes(bits) {
             let point = by(lane);
             set(&mut p, lane, point.p.to_array());
             set(&mut error, lane, point.error.to_array());
@@ -158,9 +205,33 @@ impl<S: Simd> PointLanes<S> {
     }
 }
 
+/// The numbers of the lanes whose bit is set.
+pub(crate) struct Lanes(pub(crate) u32);
+
+impl Iterator for Lanes {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        if self.0 == 0 {
+            return None;
+        }
+        // The same number; so that the compiler knows that there are eight.
+        let lane = self.0.trailing_zeros() as usize & 7;
+        self.0 &= self.0 - 1;
+        Some(lane)
+    }
+}
+
+/// A lane's vector.
+#[inline(always)]
+pub(crate) fn vector(vectors: &[F8; 3], lane: usize) -> Vec3 {
+    Vec3::new(vectors[0].0[lane], vectors[1].0[lane], vectors[2].0[lane])
+}
+
 /// Sets a lane.
 #[inline(always)]
-fn set(vectors: &mut [F8; 3], lane: usize, [x, y, z]: [f32; 3]) {
+pub(crate) fn set(vectors: &mut [F8; 3], lane: usize, [x, y, z]: [f32; 3]) {
     vectors[0].0[lane] = x;
     vectors[1].0[lane] = y;
     vectors[2].0[lane] = z;

@@ -1,20 +1,21 @@
-//! The path loop in lanes: [`crate::path::trace`] of a matte scene, for eight samples at once.
+//! The path loop in lanes: [`crate::path::trace`] for eight samples at once.
 //!
-//! Paths wait in a pool, packed: eight are read, taken one segment further, and those that go on are written back side by side; the pool is
-//! filled up with new samples, so lanes stay busy to the end of the list. What every lane can do is done for all of them;
-//! what few need (doubtful rays, points at edges) is done one by one, by the same code as for single paths.
+//! Paths that are under way wait on a stack: the topmost eight are taken one segment further, and those that go on are put back. Where fewer than
+//! eight wait, eight new samples are taken one segment instead; so lanes stay busy to the end of the list. What every lane can do is done
+//! for all of them; what few need (doubtful rays, points at edges) is done one by one, by the same code as for single paths.
 
-use super::math::{facing, max_element, power_heuristic, square_to_cosine_hemisphere, to_world};
+use super::bsdf::BsdfLanes;
+use super::math::{FrameLanes, facing, max_element, power_heuristic};
 use super::sampler::Points;
-use super::{PointLanes, SmallScene, set};
+use super::{LaneScene, Lanes, PartLanes, PointLanes, tree, triangle_error};
 use crate::camera::FilmCamera;
-use crate::math::FRAC_1_PI;
+use crate::class::Class;
+use crate::light::{LightSamples, ViewpointLanes};
 use crate::path::PathSettings;
 use crate::roulette::LEAST_BASE;
 use crate::scene::RenderScene;
 use hotspot_bvh::few::{Hits, Rays};
 use hotspot_bvh::simd::{Floats, Integers, Mask, Simd, U8, Vectors};
-use hotspot_bvh::{NoProbe, Ray};
 use hotspot_probe::NONE;
 
 /// Samples to take.
@@ -49,7 +50,9 @@ impl SampleList {
 /// What all paths share.
 pub(crate) struct View<'a> {
     pub(crate) scene: &'a RenderScene,
-    pub(crate) small: &'a SmallScene,
+    pub(crate) lanes: &'a LaneScene,
+    /// Whether camera rays go in packets.
+    pub(crate) packets: bool,
     pub(crate) camera: &'a FilmCamera,
     /// Of the film, in pixels.
     pub(crate) size: (u32, u32),
@@ -67,8 +70,11 @@ struct Paths<S: Simd> {
     radiance: Vectors<S>,
     throughput: Vectors<S>,
     survival_scale: Floats<S>,
-    /// BSDF pdf of the present direction; infinite from the camera.
+    /// BSDF pdf of the present direction, infinite from the camera; and its cosine with the shading normal there.
     scattered_pdf: Floats<S>,
+    scattered_cos: Floats<S>,
+    /// The vertex, where light sampling depends on it.
+    scattered_from: ViewpointLanes<S>,
     bounces: Integers<S>,
     /// Two numbers for the light sample at the next vertex.
     light: [Floats<S>; 2],
@@ -81,59 +87,61 @@ struct Paths<S: Simd> {
 struct Vertex<S: Simd> {
     primitive: Integers<S>,
     geometric: Vectors<S>,
-    /// Shading normal on the path's side.
-    normal: Vectors<S>,
-    /// Cosine of it with where the path came from.
-    cos_wo: Floats<S>,
+    /// Around the shading normal on the path's side.
+    frame: FrameLanes<S>,
+    /// Where the path came from, in it.
+    local_wo: Vectors<S>,
     point: PointLanes<S>,
-    reflectance: Vectors<S>,
+    viewpoint: ViewpointLanes<S>,
+    bsdf: BsdfLanes<S>,
 }
 
-/// Paths that wait for their next segment.
-const WAITING: usize = 128;
+/// Most paths that wait, with room to write eight beyond the last that goes on.
+const WAITING: usize = 32;
 
-/// Lists for what a path is made of ([`Paths`]).
-const LISTS: usize = 21;
+/// Numbers that make up a path ([`Paths`]).
+const LISTS: usize = 29;
 
-/// The paths that wait, packed: list by list, with room for eight more than there may be.
-struct Pool(Box<[[f32; WAITING + 8]; LISTS]>);
+/// The paths that wait, number by number.
+struct Pool([[f32; WAITING]; LISTS]);
 
 /// Takes all samples of a list; their radiance goes to `found`, in the list's order.
 #[inline(always)]
-pub(crate) fn trace_samples<S: Simd>(s: S, view: &View<'_>, list: &SampleList, found: &mut Vec<[f32; 3]>) {
+pub(crate) fn trace_samples<S: Simd, C: Class>(
+    s: S,
+    view: &View<'_>,
+    list: &SampleList,
+    found: &mut Vec<[f32; 3]>,
+) {
     found.clear();
     found.resize(list.len(), [0.0; 3]);
-    let mut pool = Pool(Box::new([[0.0; WAITING + 8]; LISTS]));
+    let mut pool = Pool([[0.0; WAITING]; LISTS]);
     let (mut waiting, mut next) = (0, 0);
     loop {
-        while waiting + 8 <= WAITING && next < list.len() {
-            Paths::starting(s, view, list, next as u32).write(&mut pool, waiting);
-            let count = (list.len() - next).min(8);
-            waiting += count;
-            next += count;
-        }
-        if waiting == 0 {
+        let fresh = waiting < 8 && next < list.len();
+        let (mut paths, count) = if fresh {
+            let first = next;
+            next = list.len().min(next + 8);
+            (Paths::starting(s, view, list, first as u32), next - first)
+        } else {
+            let count = waiting.min(8);
+            waiting -= count;
+            (Paths::read::<C>(s, view, &pool, waiting), count)
+        };
+        if count == 0 {
             return;
         }
-        // What goes on is written over what has been read.
-        let mut going_on = 0;
-        for at in (0..waiting).step_by(8) {
-            let mut paths = Paths::read(s, view, &pool, at);
-            let all = if waiting - at < 8 { (1 << (waiting - at)) - 1 } else { 0xff };
-            let alive = paths.step(s, view, all);
-            let mut ended = all & !alive;
-            if ended != 0 {
-                let (numbers, [x, y, z]) = (paths.number.store(), paths.radiance.store());
-                while ended != 0 {
-                    let lane = ended.trailing_zeros() as usize & 7;
-                    ended &= ended - 1;
-                    found[numbers.0[lane] as usize] = [x.0[lane], y.0[lane], z.0[lane]];
-                }
+        let all = (1 << count) - 1;
+        let alive = paths.step::<C>(s, view, all, fresh);
+        let ended = all & !alive;
+        if ended != 0 {
+            let (numbers, [x, y, z]) = (paths.number.store(), paths.radiance.store());
+            for lane in Lanes(ended) {
+                found[numbers.0[lane] as usize] = [x.0[lane], y.0[lane], z.0[lane]];
             }
-            paths.permuted(Integers::of_set_bits(s, alive)).write(&mut pool, going_on);
-            going_on += alive.count_ones() as usize;
         }
-        waiting = going_on;
+        paths.permuted(Integers::of_set_bits(s, alive)).write::<C>(&mut pool, waiting);
+        waiting += alive.count_ones() as usize;
     }
 }
 
@@ -155,6 +163,8 @@ impl<S: Simd> Paths<S> {
             throughput: Vectors::splat(s, [1.0; 3]),
             survival_scale: one,
             scattered_pdf: Floats::splat(s, f32::INFINITY),
+            scattered_cos: one,
+            scattered_from: ViewpointLanes::none(s),
             bounces: Integers::splat(s, 0),
             light,
             points,
@@ -164,7 +174,20 @@ impl<S: Simd> Paths<S> {
 
     /// Those of a pool from `at` on.
     #[inline(always)]
-    fn read(s: S, view: &View<'_>, Pool(pool): &Pool, at: usize) -> Self {
+    fn read<C: Class>(s: S, view: &View<'_>, Pool(pool): &Pool, at: usize) -> Self {
+        let viewpoints = ViewpointLanes {
+            p: Vectors::new(
+                Floats::read(s, &pool[22], at),
+                Floats::read(s, &pool[23], at),
+                Floats::read(s, &pool[24], at),
+            ),
+            n: Vectors::new(
+                Floats::read(s, &pool[25], at),
+                Floats::read(s, &pool[26], at),
+                Floats::read(s, &pool[27], at),
+            ),
+            outlook: Floats::read(s, &pool[28], at).bits(),
+        };
         Self {
             rays: Rays {
                 origin: Vectors::new(
@@ -199,12 +222,14 @@ impl<S: Simd> Paths<S> {
                 table: view.table,
             },
             number: Floats::read(s, &pool[20], at).bits(),
+            scattered_cos: Floats::read(s, &pool[21], at),
+            scattered_from: if C::LEARNED { viewpoints } else { ViewpointLanes::none(s) },
         }
     }
 
     /// To a pool from `at` on, as [`Paths::read`] reads them.
     #[inline(always)]
-    fn write(&self, Pool(pool): &mut Pool, at: usize) {
+    fn write<C: Class>(&self, Pool(pool): &mut Pool, at: usize) {
         let Self { rays: Rays { origin, direction }, radiance, throughput, points, .. } = self;
         origin.x.write(&mut pool[0], at);
         origin.y.write(&mut pool[1], at);
@@ -227,6 +252,17 @@ impl<S: Simd> Paths<S> {
         points.key.as_bits().write(&mut pool[18], at);
         points.index.as_bits().write(&mut pool[19], at);
         self.number.as_bits().write(&mut pool[20], at);
+        self.scattered_cos.write(&mut pool[21], at);
+        if C::LEARNED {
+            let ViewpointLanes { p, n, outlook } = self.scattered_from;
+            p.x.write(&mut pool[22], at);
+            p.y.write(&mut pool[23], at);
+            p.z.write(&mut pool[24], at);
+            n.x.write(&mut pool[25], at);
+            n.y.write(&mut pool[26], at);
+            n.z.write(&mut pool[27], at);
+            outlook.as_bits().write(&mut pool[28], at);
+        }
     }
 
     /// Lane i gets lane `order[i]`.
@@ -241,6 +277,12 @@ impl<S: Simd> Paths<S> {
             throughput: self.throughput.permuted(order),
             survival_scale: self.survival_scale.permuted(order),
             scattered_pdf: self.scattered_pdf.permuted(order),
+            scattered_cos: self.scattered_cos.permuted(order),
+            scattered_from: ViewpointLanes {
+                p: self.scattered_from.p.permuted(order),
+                n: self.scattered_from.n.permuted(order),
+                outlook: self.scattered_from.outlook.permuted(order),
+            },
             light: [self.light[0].permuted(order), self.light[1].permuted(order)],
             from: self.from.permuted(order),
             bounces: self.bounces.permuted(order),
@@ -253,32 +295,53 @@ impl<S: Simd> Paths<S> {
         }
     }
 
-    /// One segment further: from the present rays to their hits, and on. The lanes that go on.
+    /// One segment further: from the present rays to their hits, and on. The lanes that go on. `fresh`: the rays are camera rays.
     #[inline(always)]
-    fn step(&mut self, s: S, view: &View<'_>, mut alive: u32) -> u32 {
-        let small = view.small;
+    fn step<C: Class>(&mut self, s: S, view: &View<'_>, mut alive: u32, fresh: bool) -> u32 {
+        let View { scene, lanes, .. } = *view;
+        let learned = if C::LEARNED { view.settings.learned } else { None };
         let zero = Floats::splat(s, 0.0);
-        let mut hits = small.few.closest_hits(s, &self.rays, self.from, alive);
-        if hits.doubtful != 0 {
-            hits = hits_of_doubtful(s, view, self, &hits);
+        let hits = self.hits(s, view, alive, fresh);
+        let escaped = alive & !hits.found;
+        if escaped != 0
+            && let Some((sky, mut pdf)) = lanes.lights.escaped(s, self.scattered_cos)
+        {
+            if let Some(learned) = learned {
+                let (from, d) = (&self.scattered_from, self.rays.direction);
+                pdf = learned.pdfs_environment(s, &scene.lights, from, d, pdf, escaped);
+            }
+            let weight = power_heuristic(s, self.scattered_pdf, pdf);
+            let found = self.radiance + (self.throughput * sky).scaled(weight);
+            self.radiance = found.or_where_not(Mask::of_bits(s, escaped), self.radiance);
         }
         alive &= hits.found;
+        if alive == 0 {
+            return 0;
+        }
+        let outlook = match learned {
+            Some(learned) => learned.outlooks(s, &self.rays, &hits, alive),
+            None => Integers::splat(s, 0),
+        };
         let primitive = hits.primitive;
-        let three = primitive.shift_left::<1>() + primitive;
+        let part = Integers::gather(&scene.geometry.part_of, primitive);
+        let surface = lanes.parts(part);
         let geometric = hits.normal;
         let wo = -self.rays.direction;
 
         // Light of the surface itself.
-        let pdf_area = Floats::gather(&small.light_pdf_area, primitive);
-        let cos = wo.dot(geometric);
-        if zero.less(pdf_area).bits() & alive != 0 {
-            let both = Integers::gather(&small.two_sided, primitive).is(1);
-            let shows = zero.less(cos) | (both & cos.less(zero));
-            let shines = zero.less(pdf_area) & shows & Mask::of_bits(s, alive);
+        let emissive = zero.less(surface.light_pdf_area);
+        if emissive.bits() & alive != 0 {
+            let mut pdf_area = surface.light_pdf_area;
+            if let Some(learned) = learned {
+                let (from, emissive) = (&self.scattered_from, emissive.bits() & alive);
+                pdf_area = learned.pdfs_area(s, &scene.lights, from, primitive, pdf_area, emissive);
+            }
+            let cos = wo.dot(geometric);
+            let shows = zero.less(cos) | (surface.two_sided & cos.less(zero));
+            let shines = emissive & shows & Mask::of_bits(s, alive);
             let light_pdf = pdf_area * (hits.t * hits.t) / cos.abs();
-            let emission = Vectors::gather(&small.emission, three);
             let weight = power_heuristic(s, self.scattered_pdf, light_pdf);
-            let found = (self.throughput * emission).scaled(weight);
+            let found = (self.throughput * surface.emission).scaled(weight);
             self.radiance = (self.radiance + found).or_where_not(shines, self.radiance);
         }
         alive &= !self.bounces.is(view.settings.max_depth).bits();
@@ -286,32 +349,29 @@ impl<S: Simd> Paths<S> {
             return 0;
         }
 
-        let smooth = self.shading_normals(s, small, &hits);
-        let front = zero.less_equal(wo.dot(smooth));
-        let normal = smooth.or_where_not(front, -smooth);
-        let mut point =
-            PointLanes::new(s, hits.corners, Vectors::gather(&small.errors, three), hits.u, hits.v);
-        let least =
-            hits.u.min(hits.v).min(1.0 - hits.u - hits.v) * Floats::gather(&small.least_height, primitive);
-        let at_edge = least.less(point.margin(s)).bits() & alive;
-        if at_edge != 0 {
-            let (primitive, u, v) = (primitive.store(), hits.u.store(), hits.v.store());
-            point = point.replaced(s, at_edge, |lane| {
-                let surface = view.scene.geometry.world_surface(primitive.0[lane]);
-                view.scene.geometry.point(surface, u.0[lane], v.0[lane])
-            });
-        }
-        let reflectance = Vectors::gather(&small.reflectance, three);
-        let vertex = Vertex { primitive, geometric, normal, cos_wo: wo.dot(normal), point, reflectance };
-        self.add_direct_light(s, view, &vertex, alive);
-
-        // The BSDF's direction.
+        // Early: these wait for nothing, and what follows waits for memory.
         let following = self.bounces + 1;
         let [u, v, light @ ..] = self.points.segment(s, following);
-        let local = square_to_cosine_hemisphere(s, u, v);
-        let pdf = Floats::splat(s, FRAC_1_PI) * local.z;
-        alive &= (zero.less(pdf) & reflectance.any()).bits();
-        self.throughput = self.throughput * reflectance;
+        let smooth = shading_normals(s, view, &surface, &hits);
+        let front = zero.less_equal(wo.dot(smooth));
+        let frame = FrameLanes::new(s, smooth.or_where_not(front, -smooth));
+        let local_wo = frame.to_local(wo);
+        let point = points(s, view, &hits, alive);
+        let bsdf = BsdfLanes::new::<C>(s, lanes, (part, surface.kind), front, alive);
+        let viewpoint = ViewpointLanes { p: point.p, n: frame.n, outlook };
+        let vertex = Vertex { primitive, geometric, frame, local_wo, point, viewpoint, bsdf };
+        let lit = alive & !bsdf.speculars;
+        if lit != 0 {
+            self.add_direct_light::<C>(s, view, &vertex, lit);
+        }
+
+        // The BSDF's direction.
+        let sample = bsdf.sample::<C>(s, scene, local_wo, [u, v], alive);
+        alive &= sample.there;
+        self.throughput = self.throughput * sample.weight;
+        if C::LOBES {
+            self.survival_scale = self.survival_scale * sample.eta_scale;
+        }
         let at_first = self.bounces.is(0);
         if let Some(gain) = view.settings.roulette.gain
             && at_first.bits() & alive != 0
@@ -323,14 +383,29 @@ impl<S: Simd> Paths<S> {
         }
         alive = self.survivors(s, view.settings.roulette.from, alive);
 
-        let wi = to_world(s, normal, local);
+        let wi = frame.to_world(sample.wi);
         let origin = point.leave(facing(s, geometric, wi));
         self.rays = Rays { origin, direction: wi };
         self.from = primitive;
-        self.scattered_pdf = pdf;
+        self.scattered_pdf = sample.pdf;
+        self.scattered_cos = sample.wi.z;
+        if C::LEARNED {
+            self.scattered_from = viewpoint;
+        }
         self.bounces = following;
         self.light = light;
         alive
+    }
+
+    /// What the rays hit.
+    #[inline(always)]
+    fn hits(&self, s: S, view: &View<'_>, active: u32, fresh: bool) -> Hits<S> {
+        let View { scene, lanes, .. } = *view;
+        let Some(few) = &lanes.few else {
+            return tree::closest_hits(s, scene, &self.rays, self.from, active, fresh && view.packets);
+        };
+        let hits = few.closest_hits(s, &self.rays, self.from, active);
+        if hits.doubtful == 0 { hits } else { hits_of_doubtful(s, view, self, &hits) }
     }
 
     /// Roulette: the lanes that survive, with what makes up for the others.
@@ -352,52 +427,68 @@ impl<S: Simd> Paths<S> {
         alive & !ends.bits()
     }
 
-    /// [`Geometry::normal`](crate::geometry::Geometry::normal).
+    /// Places on lights for lanes `active`.
     #[inline(always)]
-    fn shading_normals(&self, s: S, small: &SmallScene, hits: &Hits<S>) -> Vectors<S> {
-        if small.normals.is_empty() {
-            return hits.normal;
-        }
-        let first = hits.primitive.shift_left::<3>() + hits.primitive;
-        let a = Vectors::gather(&small.normals, first);
-        let (b, c) = if small.flat {
-            (a, a)
-        } else {
-            (Vectors::gather(&small.normals, first + 3), Vectors::gather(&small.normals, first + 6))
+    fn light_samples<C: Class>(
+        &self,
+        s: S,
+        view: &View<'_>,
+        vertex: &Vertex<S>,
+        active: u32,
+    ) -> LightSamples<S> {
+        let View { scene, lanes, .. } = *view;
+        let at = (&scene.lights, &scene.geometry);
+        let Vertex { frame, point, viewpoint, .. } = vertex;
+        let Some(learned) = view.settings.learned.filter(|_| C::LEARNED) else {
+            return lanes.lights.sample(s, at, point.p, frame, self.light, active);
         };
-        let normal = a.scaled(1.0 - hits.u - hits.v) + b.scaled(hits.u) + c.scaled(hits.v);
-        let reciprocal = 1.0 / normal.dot(normal).sqrt();
-        let infinite = Floats::splat(s, f32::INFINITY);
-        let whole = Floats::splat(s, 0.0).less(reciprocal) & reciprocal.less(infinite);
-        let has = Integers::gather(&small.smooth, hits.primitive).is(1);
-        normal.scaled(reciprocal).or_where_not(whole & has, hits.normal)
+        let tables = (&lanes.lights, &scene.lights, &scene.geometry);
+        let (light, unknown) = learned.samples(s, tables, viewpoint, frame, self.light, active);
+        if unknown == 0 {
+            return light;
+        }
+        light.with(s, unknown, lanes.lights.sample(s, at, point.p, frame, self.light, unknown))
     }
 
     /// The light-sampled half of direct light.
     #[inline(always)]
-    fn add_direct_light(&mut self, s: S, view: &View<'_>, vertex: &Vertex<S>, alive: u32) {
+    fn add_direct_light<C: Class>(&mut self, s: S, view: &View<'_>, vertex: &Vertex<S>, active: u32) {
+        let View { scene, lanes, .. } = *view;
         let zero = Floats::splat(s, 0.0);
-        let lights = &view.small.lights;
-        let light = lights.sample(s, &view.scene.lights, vertex.point.p, self.light, alive);
-        let cos = light.wi.dot(vertex.normal);
-        let pdf = Floats::splat(s, FRAC_1_PI) * cos;
-        let f_cos = vertex.reflectance.scaled(pdf);
-        let both = Integers::gather(&view.small.two_sided, light.primitive).is(1);
-        let emits = zero.less(light.cos) | (both & light.cos.less(zero));
-        let lit = zero.less(cos) & zero.less(vertex.cos_wo) & f_cos.any() & emits & light.emission.any();
-        let lit = light.there & lit.bits();
+        let light = self.light_samples::<C>(s, view, vertex, active);
+        if light.there == 0 {
+            return;
+        }
+        let wi = vertex.frame.to_local(light.wi);
+        let (f_cos, pdf) = vertex.bsdf.eval::<C>(s, scene, vertex.local_wo, wi, light.there);
+        let emits = zero.less(light.cos) | (light.two_sided & light.cos.less(zero));
+        let emits = light.sky | emits.bits();
+        let lit = light.there & (f_cos.any() & light.emission.any()).bits() & emits;
         if lit == 0 {
             return;
         }
         let origin = vertex.point.leave(facing(s, vertex.geometric, light.wi));
         let towards = (-light.normal).or_where_not(light.cos.less(zero), light.normal);
         let target = light.point.meet(s, towards, origin);
-        let rays = Rays { origin, direction: target - origin };
-        let ends = [vertex.primitive, light.primitive];
-        let blocked = view.small.few.blocked(s, &rays, ends, lit);
-        let mut dark = blocked.surely;
-        if blocked.doubtful != 0 {
-            dark |= blocked_of_doubtful(s, view, &rays, ends, blocked.doubtful);
+        let mut rays = Rays { origin, direction: target - origin };
+        let mut ends = [vertex.primitive, light.primitive];
+        let mut dark;
+        if let Some(few) = &lanes.few {
+            let blocked = few.blocked(s, &rays, ends, lit);
+            dark = blocked.surely;
+            if blocked.doubtful != 0 {
+                let t_max = Floats::splat(s, 1.0);
+                dark |= tree::blocked(s, scene, &rays, t_max, ends, blocked.doubtful);
+            }
+        } else {
+            let mut t_max = Floats::splat(s, 1.0);
+            if light.sky != 0 {
+                let sky = Mask::of_bits(s, light.sky);
+                rays.direction = light.wi.or_where_not(sky, rays.direction);
+                t_max = sky.select(Floats::splat(s, f32::INFINITY), t_max);
+                ends[1] = Integers::splat(s, NONE).or_where_not(sky, ends[1]);
+            }
+            dark = tree::blocked(s, scene, &rays, t_max, ends, lit);
         }
         let weight = power_heuristic(s, light.pdf, pdf) / light.pdf;
         let direct = (f_cos * light.emission).scaled(weight);
@@ -406,11 +497,50 @@ impl<S: Simd> Paths<S> {
     }
 }
 
-/// A lane's ray.
+/// [`Geometry::normal`](crate::geometry::Geometry::normal).
 #[inline(always)]
-fn single_ray<S: Simd>(rays: &Rays<S>, lane: usize) -> Ray {
-    let (o, d) = (rays.origin.store(), rays.direction.store());
-    Ray::new([o[0].0[lane], o[1].0[lane], o[2].0[lane]], [d[0].0[lane], d[1].0[lane], d[2].0[lane]])
+fn shading_normals<S: Simd>(s: S, view: &View<'_>, surface: &PartLanes<S>, hits: &Hits<S>) -> Vectors<S> {
+    let lanes = view.lanes;
+    if !lanes.smooth {
+        return hits.normal;
+    }
+    let first = surface.normals_at;
+    let [a, b, c] = if let Some(flat) = &lanes.flat_normals {
+        let normal = Vectors::gather(flat, hits.primitive.shift_left::<1>() + hits.primitive);
+        [normal, normal, normal]
+    } else {
+        let (corners, normals) = view.scene.geometry.corners_and_normals();
+        let at = hits.primitive + surface.corners_at;
+        let [a, b, c, _] = Integers::gather_fours(corners, at.shift_left::<1>() + at);
+        [normals_at(normals, first + a), normals_at(normals, first + b), normals_at(normals, first + c)]
+    };
+    let normal = a.scaled(1.0 - hits.u - hits.v) + b.scaled(hits.u) + c.scaled(hits.v);
+    let reciprocal = 1.0 / normal.dot(normal).sqrt();
+    let infinite = Floats::splat(s, f32::INFINITY);
+    let whole = Floats::splat(s, 0.0).less(reciprocal) & reciprocal.less(infinite);
+    normal.scaled(reciprocal).or_where_not(whole.without(first.is(NONE)), hits.normal)
+}
+
+#[inline(always)]
+fn normals_at<S: Simd>(normals: &[f32], index: Integers<S>) -> Vectors<S> {
+    Vectors::gather(normals, index.shift_left::<1>() + index)
+}
+
+/// [`Geometry::point`](crate::geometry::Geometry::point) for lanes `alive`.
+#[inline(always)]
+fn points<S: Simd>(s: S, view: &View<'_>, hits: &Hits<S>, alive: u32) -> PointLanes<S> {
+    let geometry = &view.scene.geometry;
+    let point = PointLanes::new(s, hits.corners, triangle_error(s, hits.corners), hits.u, hits.v);
+    let least = hits.u.min(hits.v).min(1.0 - hits.u - hits.v)
+        * Floats::gather(geometry.least_heights(), hits.primitive);
+    let at_edge = least.less(point.margin(s)).bits() & alive;
+    if at_edge == 0 {
+        return point;
+    }
+    let (primitive, u, v) = (hits.primitive.store(), hits.u.store(), hits.v.store());
+    point.replaced(s, at_edge, |lane| {
+        geometry.point(geometry.world_surface(primitive.0[lane]), u.0[lane], v.0[lane])
+    })
 }
 
 /// Hits with those of doubtful rays, from the tree.
@@ -420,65 +550,20 @@ fn hits_of_doubtful<S: Simd>(s: S, view: &View<'_>, paths: &Paths<S>, hits: &Hit
     s.vectorize(
         #[inline(always)]
         || {
-            let from = paths.from.store();
-            let (mut t, mut u, mut v) = (hits.t.store(), hits.u.store(), hits.v.store());
-            let (mut primitive, mut normal) = (hits.primitive.store(), hits.normal.store());
-            let mut found = hits.found;
-            let mut left = hits.doubtful;
-            while left != 0 {
-                let lane = left.trailing_zeros() as usize & 7;
-                left &= left - 1;
-                let hit = view.scene.bvh.closest_hit_flat(
-                    s,
-                    &single_ray(&paths.rays, lane),
-                    [from.0[lane]],
-                    NoProbe,
-                );
-                if let Some(hit) = hit {
-                    found |= 1 << lane;
-                    (t.0[lane], u.0[lane], v.0[lane]) = (hit.t, hit.u, hit.v);
-                    primitive.0[lane] = hit.primitive;
-                    set(&mut normal, lane, hit.normal);
-                }
-            }
+            let found = tree::closest_hits(s, view.scene, &paths.rays, paths.from, hits.doubtful, false);
+            let sure = Mask::of_bits(s, !hits.doubtful);
+            let [a, b, c] = hits.corners;
+            let [d, e, f] = found.corners;
             Hits {
-                found,
+                found: hits.found | found.found,
                 doubtful: 0,
-                primitive: Integers::load(s, &primitive),
-                corners: view.small.few.corners(Integers::load(s, &primitive)),
-                t: Floats::load(s, &t),
-                u: Floats::load(s, &u),
-                v: Floats::load(s, &v),
-                normal: Vectors::load(s, &normal),
+                primitive: hits.primitive.or_where_not(sure, found.primitive),
+                corners: [a.or_where_not(sure, d), b.or_where_not(sure, e), c.or_where_not(sure, f)],
+                t: sure.select(hits.t, found.t),
+                u: sure.select(hits.u, found.u),
+                v: sure.select(hits.v, found.v),
+                normal: hits.normal.or_where_not(sure, found.normal),
             }
-        },
-    )
-}
-
-/// The doubtful rays that the tree says are blocked.
-#[cold]
-#[inline(never)]
-fn blocked_of_doubtful<S: Simd>(
-    s: S,
-    view: &View<'_>,
-    rays: &Rays<S>,
-    ends: [Integers<S>; 2],
-    doubtful: u32,
-) -> u32 {
-    s.vectorize(
-        #[inline(always)]
-        || {
-            let (from, to) = (ends[0].store(), ends[1].store());
-            let mut blocked = 0;
-            let mut left = doubtful;
-            while left != 0 {
-                let lane = left.trailing_zeros() as usize & 7;
-                left &= left - 1;
-                let ray = Ray { t_max: 1.0, ..single_ray(rays, lane) };
-                let ends = [from.0[lane], to.0[lane]];
-                blocked |= u32::from(view.scene.bvh.occluded_flat(s, &ray, ends, NoProbe)) << lane;
-            }
-            blocked
         },
     )
 }

@@ -38,7 +38,9 @@ impl<S: Simd> Points<S> {
     #[inline(always)]
     pub(super) fn roulette(self, s: S, vertex: Integers<S>) -> Floats<S> {
         let set = vertex.shift_left::<1>() + 1;
-        self.dimension(s, self.rows(Integers::splat(s, 0), set), self.base(set), 1)
+        let [high, low] = self.rows(Integers::splat(s, 0), set);
+        let (high, low) = (Integers::gather(self.table, high + 1), Integers::gather(self.table, low + 1));
+        dimension(s, high, low, self.base(set), 1)
     }
 
     #[inline(always)]
@@ -64,22 +66,23 @@ impl<S: Simd> Points<S> {
 
     #[inline(always)]
     fn all(self, s: S, rows: [Integers<S>; 2], base: Integers<S>) -> [Floats<S>; 4] {
+        let [a, b, c, d] = Integers::gather_fours(self.table, rows[0]);
+        let [e, f, g, h] = Integers::gather_fours(self.table, rows[1]);
         [
-            self.dimension(s, rows, base, 0),
-            self.dimension(s, rows, base, 1),
-            self.dimension(s, rows, base, 2),
-            self.dimension(s, rows, base, 3),
+            dimension(s, a, e, base, 0),
+            dimension(s, b, f, base, 1),
+            dimension(s, c, g, base, 2),
+            dimension(s, d, h, base, 3),
         ]
     }
+}
 
-    #[inline(always)]
-    fn dimension(self, s: S, rows: [Integers<S>; 2], base: Integers<S>, d: u32) -> Floats<S> {
-        let high = Integers::gather(self.table, rows[0] + d);
-        let low = Integers::gather(self.table, rows[1] + d);
-        let scramble = hash(Integers::splat(s, DIMENSIONS[d as usize]) ^ base);
-        let bits = owen_scramble(high ^ low, scramble).reverse_bits();
-        (bits.shift_right::<9>() | 0x3f80_0000).as_bits() - 1.0
-    }
+/// A scrambled number, of the bits that two rows of the table hold.
+#[inline(always)]
+fn dimension<S: Simd>(s: S, high: Integers<S>, low: Integers<S>, base: Integers<S>, d: u32) -> Floats<S> {
+    let scramble = hash(Integers::splat(s, DIMENSIONS[d as usize]) ^ base);
+    let bits = owen_scramble(high ^ low, scramble).reverse_bits();
+    (bits.shift_right::<9>() | 0x3f80_0000).as_bits() - 1.0
 }
 
 /// [`crate::sampler::mix`].

@@ -1,12 +1,14 @@
 //! Eight paths at once give the pictures of single paths, bit for bit.
 
 use crate::chi_square::Random;
-use crate::render::{Control, Gather, Rendered, Settings, render};
+use crate::render::{Control, Gather, LightChoice, Rendered, Settings, render};
 use crate::roulette::Roulette;
 use crate::sampler::SamplerKind;
 use crate::scene::{PrepareOptions, RenderScene};
 use crate::{BuildOptions, Isa};
-use hotspot_scene::{Camera, Color, Environment, Instance, Material, Mesh, Object, Projection, Scene};
+use hotspot_scene::{
+    Camera, Color, Environment, Instance, Material, Mesh, Object, Projection, Scalar, Scene,
+};
 
 /// The sides of a box that is skewed and turned a little, where `open` does not leave one out.
 fn sides(at: [f64; 3], size: [f64; 3], skew: f64, open: usize) -> Mesh {
@@ -215,51 +217,196 @@ fn signs_of_zeros_in_normals_count() {
     assert_eq!(sums(&eights), sums(&single));
 }
 
-/// What eights do not know goes path by path, and says so.
-#[test]
-fn other_scenes_go_path_by_path() {
-    let camera = camera(1.0, false);
-    let goes = |scene: &Scene, settings: &Settings, camera: &Camera| {
-        render(&prepare(scene, Isa::Auto), camera, settings, Control::default()).eights
-    };
-    let scene = room(2, 1.0);
-    let few = settings(1);
-    assert!(goes(&scene, &few, &camera));
+/// The picture in lanes and path by path, with both instruction sets; whether all are the same, and how many pixels are lit.
+fn agree(name: &str, scene: &Scene, settings: &Settings, camera: &Camera) -> usize {
+    let mut pictures = Vec::new();
+    for isa in [Isa::Auto, Isa::Portable] {
+        let ready = prepare(scene, isa);
+        for packets in [true, false] {
+            let settings = Settings { packets, ..settings.clone() };
+            let rendered = render(&ready, camera, &settings, Control::default());
+            assert_eq!(rendered.eights, packets, "{name}");
+            pictures.push(sums(&rendered));
+        }
+    }
+    let [first, others @ ..] = &pictures[..] else { unreachable!() };
+    for (index, other) in others.iter().enumerate() {
+        let differ = first.iter().zip(other).filter(|(a, b)| a != b).count();
+        assert_eq!(differ, 0, "{name}, way {index}");
+    }
+    first.iter().filter(|(sum, _)| sum[0] > 0.0).count()
+}
 
-    let mut sky = scene.clone();
-    sky.environment = Some(Environment::Constant([1.0; 3]));
-    let mut mirror = scene.clone();
-    mirror.materials[0].bsdf = hotspot_scene::Bsdf::Mirror { reflectance: Color::constant([0.8; 3]) };
-    let mut many = scene.clone();
+/// A ball of `2 n²` triangles with normals of its own, of which two corners have none.
+fn ball(at: [f32; 3], radius: f32, n: u32) -> Mesh {
+    let mut mesh = Mesh::default();
+    let mut normals = Vec::new();
+    for i in 0..=n {
+        for j in 0..=n {
+            let (sin, cos) = (std::f32::consts::PI * i as f32 / n as f32).sin_cos();
+            let (y, x) = (std::f32::consts::TAU * j as f32 / n as f32).sin_cos();
+            let normal = [sin * x, cos, sin * y];
+            mesh.positions.push([0, 1, 2].map(|k| at[k] + radius * normal[k]));
+            normals.push(if normals.len() % 37 == 5 { [0.0; 3] } else { normal });
+        }
+    }
+    for i in 0..n {
+        for j in 0..n {
+            let corner = |di, dj| (i + di) * (n + 1) + j + dj;
+            mesh.triangles.push([corner(0, 0), corner(0, 1), corner(1, 0)]);
+            mesh.triangles.push([corner(1, 0), corner(0, 1), corner(1, 1)]);
+        }
+    }
+    mesh.normals = Some(normals);
+    mesh
+}
+
+/// Adds a ball of some material.
+fn add_ball(scene: &mut Scene, name: &str, mesh: Mesh, bsdf: hotspot_scene::Bsdf, emission: [f32; 3]) {
+    let index = scene.meshes.len() as u32;
+    let matte = Material::default_matte(name);
+    let emission = Color::constant(emission);
+    scene.materials.push(Material { bsdf, emission, ..matte });
+    scene.objects.push(Object { name: name.into() });
+    scene.meshes.push(mesh);
+    let to_world = [[1.0, 0.0, 0.0, 0.3], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]];
+    scene.instances.push(Instance {
+        object: index,
+        mesh: index,
+        material: scene.materials.len() as u32 - 1,
+        to_world,
+    });
+}
+
+fn substrate(diffuse: [f32; 3], specular: f32, roughness: f32) -> hotspot_scene::Bsdf {
+    hotspot_scene::Bsdf::Substrate {
+        diffuse: Color::constant(diffuse),
+        specular: Color::constant([specular, 0.8 * specular, specular]),
+        specular_weight: Scalar::constant(0.7),
+        roughness: Scalar::constant(roughness),
+    }
+}
+
+/// Every material of the class, lamps of many triangles that lie in strips, and a constant sky; alone and together, with lights
+/// chosen by power and as learned.
+#[test]
+fn pictures_of_many_triangles_are_those_of_single_paths() {
+    use hotspot_scene::Bsdf;
+    let glass = Bsdf::Glass {
+        ior: 1.5,
+        thin: false,
+        transmittance: Color::constant([0.9, 1.0, 0.9]),
+        absorption: [0.0; 3],
+    };
+    let pane =
+        Bsdf::Glass { ior: 1.3, thin: true, transmittance: Color::constant([0.9; 3]), absorption: [0.0; 3] };
+    let metal = |roughness| Bsdf::RoughMetal {
+        f0: Color::constant([0.9, 0.6, 0.3]),
+        roughness: Scalar::constant(roughness),
+    };
+    let matte = Bsdf::Matte { reflectance: Color::constant([0.3, 0.5, 0.7]) };
+    let mirror = Bsdf::Mirror { reflectance: Color::constant([0.8, 0.0, 0.8]) };
+    let surfaces = [
+        ("matte", matte.clone()),
+        ("smooth substrate", substrate([0.5, 0.2, 0.1], 0.4, 0.0)),
+        ("rough substrate", substrate([0.0, 0.2, 0.1], 1.0, 0.6)),
+        ("mirror", mirror),
+        ("metal", metal(0.4)),
+        ("smooth metal", metal(0.0)),
+        ("glass", glass),
+        ("pane", pane),
+    ];
+    let mut lit = 0;
+    for (index, (name, bsdf)) in surfaces.into_iter().enumerate() {
+        let mut scene = room(index as u64, 1.0);
+        add_ball(&mut scene, "ball", ball([0.55, 0.5, 0.55], 0.2, 8), bsdf.clone(), [0.0; 3]);
+        // Walls of it too, so that paths come back to it.
+        scene.materials[2].bsdf = bsdf;
+        let mut wanted = settings(7);
+        wanted.seed = index as u64;
+        wanted.roulette = [Roulette::Efficient, Roulette::From(1), Roulette::Off][index % 3];
+        if index % 2 == 0 {
+            add_ball(&mut scene, "lamp", ball([0.75, 0.75, 0.4], 0.08, 6), matte.clone(), [20.0, 18.0, 9.0]);
+            wanted.light_choice = LightChoice::Learned;
+        }
+        if index % 4 > 1 {
+            scene.environment = Some(Environment::Constant([0.4, 0.5, 0.9]));
+        }
+        lit += agree(name, &scene, &wanted, &camera(1.0, index == 3));
+        wanted.light_choice = LightChoice::Power;
+        lit += agree(name, &scene, &wanted, &camera(1.0, false));
+    }
+    assert!(lit > 9000, "{lit} pixels are lit");
+}
+
+/// No light but a sky, a sky beside lamps, over few triangles.
+#[test]
+fn skies_over_few_triangles_are_taken() {
+    let mut dark = room(0, 1.0);
+    for material in &mut dark.materials {
+        material.emission = Color::constant([0.0; 3]);
+    }
+    dark.environment = Some(Environment::Constant([1.0, 2.0, 3.0]));
+    assert!(agree("sky", &dark, &settings(5), &camera(1.0, false)) > 500);
+    let learned = Settings { light_choice: LightChoice::Learned, ..settings(5) };
+    assert!(agree("windows", &dark, &learned, &camera(1.0, false)) > 500);
+    let mut both = room(2, 1.0);
+    both.environment = dark.environment.clone();
+    assert!(agree("both", &both, &learned, &camera(1.0, false)) > 500);
+}
+
+/// What cannot be said of few triangles at once goes by the tree: those that are too many, walls that parallel rays run along, and what
+/// is too far away.
+#[test]
+fn trees_serve_where_few_triangles_do_not() {
+    let mut many = room(2, 1.0);
     let copy = many.instances[0].clone();
     many.instances.extend((0..6).map(|i| {
         let mut instance = copy.clone();
         instance.to_world[0][3] += f64::from(i) + 2.0;
         instance
     }));
-    let mut lamps = scene.clone();
-    for i in 0..4 {
-        let mut lamp = lamps.instances[3].clone();
-        lamp.to_world[1][3] -= 0.1 * f64::from(i + 1);
-        lamps.instances.push(lamp);
+    agree("many", &many, &settings(3), &camera(1.0, false));
+    let mut parallel = camera(1.0, true);
+    parallel.to_world = [[1.0, 0.0, 0.0, 0.8], [0.0, 1.0, 0.0, 0.5], [0.0, 0.0, 1.0, 1.2]];
+    let mut far = camera(1.0, false);
+    far.to_world[2][3] = 1e5;
+    let scene = room(2, 1.0);
+    let ready = prepare(&scene, Isa::Auto);
+    for (camera, few) in [(camera(1.0, true), true), (parallel, false), (far, false)] {
+        agree("few", &scene, &settings(3), &camera);
+        let lanes = super::LaneScene::new(&ready, &settings(3).film_camera(&camera));
+        assert_eq!(lanes.is_some_and(|lanes| lanes.few.is_some()), few);
     }
-    for (name, other) in [("sky", sky), ("mirror", mirror), ("many", many), ("lamps", lamps)] {
-        assert!(!goes(&other, &few, &camera), "{name}");
+}
+
+/// What lanes do not know goes path by path, and says so.
+#[test]
+fn other_scenes_go_path_by_path() {
+    let camera = camera(1.0, false);
+    let goes = |scene: &Scene, settings: &Settings| {
+        render(&prepare(scene, Isa::Auto), &camera, settings, Control::default()).eights
+    };
+    let scene = room(2, 1.0);
+    let few = settings(1);
+    assert!(goes(&scene, &few));
+
+    let mut textured = scene.clone();
+    textured.meshes[0].colors = Some(vec![[0.5, 1.0, 0.5, 1.0]; textured.meshes[0].positions.len()]);
+    let mut mixed = scene.clone();
+    mixed.materials[0].bsdf = hotspot_scene::Bsdf::Mix {
+        weight: Scalar::constant(0.5),
+        base: Box::new(substrate([0.5; 3], 0.1, 0.2)),
+        other: Box::new(substrate([0.1; 3], 0.1, 0.2)),
+    };
+    for (name, other) in [("colours", textured), ("mix", mixed)] {
+        assert!(!goes(&other, &few), "{name}");
     }
 
     let independent = Settings { sampler: SamplerKind::Independent, ..few.clone() };
     let clocked = Settings { gather: Gather { time: true, ..Gather::RADIANCE }, ..few.clone() };
-    let counted = Settings { gather: Gather::ALL, ..few.clone() };
+    let counted = Settings { gather: Gather::ALL, ..few };
     for other in [independent, clocked, counted] {
-        assert!(!goes(&scene, &other, &camera), "{other:?}");
+        assert!(!goes(&scene, &other), "{other:?}");
     }
-    // Along walls, and not quite so: parallel rays.
-    let mut parallel = self::camera(1.0, true);
-    assert!(goes(&scene, &few, &parallel));
-    parallel.to_world = [[1.0, 0.0, 0.0, 0.8], [0.0, 1.0, 0.0, 0.5], [0.0, 0.0, 1.0, 1.2]];
-    assert!(!goes(&scene, &few, &parallel));
-    // Too far away for what is said of triangles to hold.
-    let mut far = camera.clone();
-    far.to_world[2][3] = 1e5;
-    assert!(!goes(&scene, &few, &far));
 }

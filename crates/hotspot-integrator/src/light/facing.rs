@@ -13,11 +13,14 @@
 //! A share of each choice goes by power alone ([`DEFENSIVE`]): what the rounded direction or the bounds misjudge is still
 //! sampled, so the estimate stays unbiased and its weights bounded.
 
+use super::lanes::{PATCH, patch_row};
 use super::patches::{Patch, Place};
-use super::trees::{Node, Trees};
+use super::trees::{Descent, Node, Trees};
 use super::triangles::LightTriangle;
 use crate::geometry::Geometry;
+use crate::lanes::{Lanes, vector};
 use glam::{Vec2, Vec3};
+use hotspot_bvh::simd::F8;
 use rayon::prelude::*;
 
 /// Share of each choice that goes by power alone.
@@ -48,6 +51,8 @@ pub(super) struct Facing {
     /// From a triangle's number to group, patch in it, and index into the lights; by number less `first`.
     place_of: Vec<[u32; 3]>,
     first: u32,
+    /// Patches of all groups, for lanes.
+    rows: Vec<[f32; PATCH]>,
 }
 
 #[derive(Debug)]
@@ -57,6 +62,8 @@ struct Group {
     trees: Trees,
     /// The patches, in the order of the distributions.
     order: Vec<Patch>,
+    /// Of the first of them, in [`Facing::rows`].
+    first_row: u32,
 }
 
 /// What is known of a group from afar.
@@ -92,6 +99,26 @@ struct Seen {
     scale: f32,
 }
 
+/// A chosen group.
+#[derive(Clone, Copy, Default)]
+struct ChosenGroup {
+    index: usize,
+    bin: usize,
+    /// What the choice left of its number.
+    rest: f32,
+    probability: f32,
+}
+
+/// Chosen patches of eight points.
+pub(super) struct ChosenPatches {
+    /// Among those of [`Facing::rows`].
+    pub(super) row: [u32; 8],
+    /// What the choices left of their numbers.
+    pub(super) rest: [f32; 8],
+    /// With which the patch's triangles are chosen.
+    pub(super) probability: [f32; 8],
+}
+
 /// A chosen place on the lights.
 pub(super) struct Chosen {
     pub(super) place: Place,
@@ -118,8 +145,11 @@ impl Facing {
         let mut groups = Vec::with_capacity(members.len());
         let mut facing = Vec::with_capacity(members.len() * EDGE * EDGE);
         let mut blocks = [Block::default(); BLOCKS];
+        let mut rows = Vec::new();
         for (g, patches) in members.into_iter().enumerate() {
-            let group = Group::new(lights, geometry, patches.to_vec(), total, &mut facing);
+            let mut group = Group::new(lights, geometry, patches.to_vec(), total, &mut facing);
+            group.first_row = rows.len() as u32;
+            rows.extend(group.order.iter().map(|patch| patch_row(&patch.row())));
             facing.resize((g + 1) * EDGE * EDGE, 0.0);
             blocks[g / LANES].set(g % LANES, &group.outline);
             for (place, patch) in group.order.iter().enumerate() {
@@ -130,7 +160,7 @@ impl Facing {
             }
             groups.push(group);
         }
-        Some(Self { groups, blocks, facing, place_of, first })
+        Some(Self { groups, blocks, facing, place_of, first, rows })
     }
 
     /// The groups as seen from a surface at `p` with normal `n`.
@@ -172,9 +202,9 @@ impl Facing {
         (probability, seen.bins[block][lane] as usize)
     }
 
-    /// A place, by two numbers in [0, 1).
+    /// A group, by a number in [0, 1).
     #[inline(always)]
-    pub(super) fn choose(&self, p: Vec3, n: Vec3, u: f32, v: f32) -> Chosen {
+    fn choose_group(&self, p: Vec3, n: Vec3, u: f32) -> ChosenGroup {
         let seen = self.seen(p, n);
         let mut rest = u;
         let mut index = 0;
@@ -185,10 +215,54 @@ impl Facing {
             (probability, bin) = self.probability(index, &seen);
         }
         let rest = (rest / probability).clamp(0.0, 1.0 - f32::EPSILON);
+        ChosenGroup { index, bin, rest, probability }
+    }
+
+    /// A place, by two numbers in [0, 1).
+    #[inline(always)]
+    pub(super) fn choose(&self, p: Vec3, n: Vec3, u: f32, v: f32) -> Chosen {
+        let ChosenGroup { index, bin, rest, probability } = self.choose_group(p, n, u);
         let group = &self.groups[index];
         let (index, rest, within) = group.trees.sample(bin, rest);
         let patch = &group.order[index];
         Chosen { place: patch.place(rest, v), probability: probability * within * patch.share() }
+    }
+
+    /// The patches that [`Facing::choose`] takes for lanes `asked`, as bits; of others anything. All descend their trees at the same
+    /// time, so that one waits for memory while the others do.
+    #[inline(always)]
+    pub(super) fn choose_patches(&self, p: &[F8; 3], n: &[F8; 3], u: &F8, asked: u32) -> ChosenPatches {
+        let mut chosen = [ChosenGroup::default(); 8];
+        let mut descents = [Descent::default(); 8];
+        for lane in Lanes(asked) {
+            chosen[lane] = self.choose_group(vector(p, lane), vector(n, lane), u.0[lane]);
+            descents[lane] = Descent::new(chosen[lane].rest);
+        }
+        let mut left = asked;
+        let mut level = 0;
+        while left != 0 {
+            for lane in Lanes(left) {
+                let ChosenGroup { index, bin, .. } = chosen[lane];
+                if !self.groups[index].trees.descend(bin, level, &mut descents[lane]) {
+                    left &= !(1 << lane);
+                }
+            }
+            level += 1;
+        }
+        let mut patches = ChosenPatches { row: [0; 8], rest: [0.0; 8], probability: [0.0; 8] };
+        for lane in Lanes(asked) {
+            let (index, rest, within) = descents[lane].found();
+            let group = &self.groups[chosen[lane].index];
+            patches.row[lane] = group.first_row + index as u32;
+            patches.rest[lane] = rest;
+            patches.probability[lane] = chosen[lane].probability * within * group.order[index].share();
+        }
+        patches
+    }
+
+    /// Of all groups' patches.
+    pub(super) fn rows(&self) -> &[[f32; PATCH]] {
+        &self.rows
     }
 
     /// The light with this primitive, which must be one, and the probability with which [`Facing::choose`] takes it.
@@ -254,7 +328,7 @@ impl Group {
         facing.par_extend(trees.nodes().enumerate().collect::<Vec<_>>().into_par_iter().map(weigh));
         let outline =
             Outline { centre, radius, power: power as f32, share: (power / total) as f32, edge: edge as f32 };
-        Self { outline, trees, order }
+        Self { outline, trees, order, first_row: 0 }
     }
 }
 

@@ -1,204 +1,539 @@
-//! Light samples for eight paths at once, where few patches are all the light there is: those of [`Lights::sample`], bit for bit.
+//! Light samples for eight paths at once: those of [`Lights::sample`] where surfaces and a constant environment are all the light there
+//! is, bit for bit.
 
-use super::patches::Alone;
+use super::patches::Row;
 use super::triangles::LightTriangle;
 use super::{Lights, Surroundings};
 use crate::geometry::{Geometry, SurfaceTriangle};
 use crate::lanes::PointLanes;
-use crate::lanes::math::square_to_triangle;
-use hotspot_bvh::simd::{F8, Floats, Integers, Mask, Simd, U8, Vectors};
+use crate::lanes::math::{FrameLanes, square_to_cosine_hemisphere, square_to_triangle};
+use crate::math::FRAC_1_PI;
+use hotspot_bvh::simd::{F8, Floats, Integers, Mask, Simd, Vectors};
 use hotspot_scene::Material;
 
-/// Most emissive triangles, and patches.
-const MOST: usize = 8;
-
-/// What light samples read, in tables of eight.
+/// What light samples read, row by row.
 #[derive(Clone, Debug)]
 pub(crate) struct LightLanes {
-    /// As [`Lights`] has them.
-    guide: Vec<u32>,
-    cumulative: F8,
-    probability: F8,
-    /// Of each patch: 1 where it is a pair.
-    pair: U8,
-    /// Of the halves of each: the triangle, and which weights are its own.
-    halves: [[U8; 3]; 2],
-    /// Of each emissive triangle.
-    corners: [[F8; 3]; 3],
-    /// [`SurfaceTriangle::error`].
-    errors: [F8; 3],
-    normals: [F8; 3],
-    emission: [F8; 3],
-    pdf_area: F8,
-    edge: F8,
-    /// 1 where both sides emit.
-    two_sided: U8,
-    primitive: U8,
+    tables: Tables,
+    /// What the constant environment shines, and with which probability it is chosen.
+    sky: Option<([f32; 3], f32)>,
 }
 
-/// Light samples in lanes, as [`LightSample`](super::LightSample) and [`LightTarget::Surface`](super::LightTarget::Surface) have them.
+#[derive(Clone, Debug)]
+enum Tables {
+    /// In registers.
+    Few(Box<FewRows>),
+    Many(ManyRows),
+    /// No surface emits.
+    None,
+}
+
+/// Numbers of a patch's row ([`Row`]), whole ones by their bits: cumulative and probability, triangles of its halves, their weights.
+pub(super) const PATCH: usize = 8;
+const CUMULATIVE: u32 = 0;
+
+/// Numbers of an emissive triangle's row: primitive, density per area, edge, whether two-sided; normal,
+/// error, emission; 1 / area.
+const TRIANGLE: usize = 16;
+
+/// Light samples in lanes, as [`LightSample`](super::LightSample) and [`LightTarget`](super::LightTarget) have them.
 #[derive(Clone, Copy)]
 pub(crate) struct LightSamples<S: Simd> {
     /// Lanes that have one; of others the fields hold anything.
     pub(crate) there: u32,
+    /// Those of them that aim at the environment: only `wi`, `pdf` and `emission` are theirs.
+    pub(crate) sky: u32,
     pub(crate) wi: Vectors<S>,
     pub(crate) pdf: Floats<S>,
     pub(crate) point: PointLanes<S>,
     /// Of the light's normal with the direction to the shading point.
     pub(crate) cos: Floats<S>,
     pub(crate) normal: Vectors<S>,
+    pub(crate) two_sided: Mask<S>,
     pub(crate) primitive: Integers<S>,
     pub(crate) emission: Vectors<S>,
 }
 
-impl LightLanes {
-    /// `None` where there is other light than that of patches, none at all, or a part of so many patches that they lie in strips.
-    pub(crate) fn new(lights: &Lights, geometry: &Geometry, materials: &[Material]) -> Option<Self> {
-        let alone = lights.patches.one_each()?;
-        if !matches!(lights.environment, Surroundings::Nothing)
-            || !lights.punctual.is_empty()
-            || lights.triangles.is_empty()
-        {
-            return None;
+impl<S: Simd> LightSamples<S> {
+    #[inline(always)]
+    pub(super) fn none(s: S) -> Self {
+        let zero = Floats::splat(s, 0.0);
+        let nowhere = Vectors::new(zero, zero, zero);
+        Self {
+            there: 0,
+            sky: 0,
+            wi: nowhere,
+            pdf: zero,
+            point: PointLanes { p: nowhere, error: nowhere },
+            cos: zero,
+            normal: nowhere,
+            two_sided: Mask::splat(s, false),
+            primitive: Integers::splat(s, 0),
+            emission: nowhere,
         }
-        let patches: Vec<Alone> = alone.collect();
-        let triangles = &lights.triangles;
-        if patches.len() > MOST || triangles.len() > MOST {
-            return None;
-        }
-        let corners = |t: &LightTriangle| geometry.triangles[t.primitive as usize];
-        let emission =
-            |t: &LightTriangle| materials[geometry.part(t.primitive).material as usize].emission.factor;
-        let half = |i: usize| {
-            [
-                numbers(&patches, |p| p.triangles[i]),
-                numbers(&patches, |p| u32::from(p.weights[i][0])),
-                numbers(&patches, |p| u32::from(p.weights[i][1])),
-            ]
-        };
-        Some(Self {
-            guide: lights.guide.clone(),
-            cumulative: floats(&patches, |p| p.cumulative),
-            probability: floats(&patches, |p| p.probability),
-            pair: numbers(&patches, |p| u32::from(p.pair)),
-            halves: [half(0), half(1)],
-            corners: [0, 1, 2].map(|corner| vectors(triangles, |t| corners(t)[corner])),
-            errors: vectors(triangles, |t| SurfaceTriangle::new(&corners(t)).error),
-            normals: vectors(triangles, |t| t.normal.to_array()),
-            emission: vectors(triangles, emission),
-            pdf_area: floats(triangles, |t| t.pdf_area),
-            edge: floats(triangles, |t| t.edge),
-            two_sided: numbers(triangles, |t| u32::from(t.two_sided)),
-            primitive: numbers(triangles, |t| t.primitive),
-        })
     }
 
-    /// As [`Lights::sample`], seen from `p`, for lanes `active`.
+    /// With those of `other` in lanes `bits`.
+    #[inline(always)]
+    pub(crate) fn with(self, s: S, bits: u32, other: Self) -> Self {
+        let these = Mask::of_bits(s, bits);
+        Self {
+            there: self.there & !bits | other.there & bits,
+            sky: self.sky & !bits | other.sky & bits,
+            wi: other.wi.or_where_not(these, self.wi),
+            pdf: these.select(other.pdf, self.pdf),
+            point: PointLanes {
+                p: other.point.p.or_where_not(these, self.point.p),
+                error: other.point.error.or_where_not(these, self.point.error),
+            },
+            cos: these.select(other.cos, self.cos),
+            normal: other.normal.or_where_not(these, self.normal),
+            two_sided: these & other.two_sided | self.two_sided.without(these),
+            primitive: other.primitive.or_where_not(these, self.primitive),
+            emission: other.emission.or_where_not(these, self.emission),
+        }
+    }
+}
+
+/// Where rows are.
+trait Rows {
+    /// Which patch the numbers choose, and the place in it.
+    fn choose<S: Simd>(&self, s: S, lights: &Lights, numbers: [Floats<S>; 2]) -> Chosen<S>;
+
+    /// An emissive triangle's row.
+    fn triangle<S: Simd>(&self, triangle: Integers<S>) -> TriangleRow<S>;
+
+    fn corners<S: Simd>(
+        &self,
+        geometry: &Geometry,
+        triangle: Integers<S>,
+        primitive: Integers<S>,
+    ) -> [Vectors<S>; 3];
+}
+
+/// A place in patches.
+struct Chosen<S: Simd> {
+    x: Floats<S>,
+    y: Floats<S>,
+    /// Triangles of the patch's halves.
+    triangles: [Integers<S>; 2],
+    /// Which weights are theirs ([`PAIR`]).
+    weights: [Integers<S>; 2],
+}
+
+struct TriangleRow<S: Simd> {
+    primitive: Integers<S>,
+    pdf_area: Floats<S>,
+    edge: Floats<S>,
+    two_sided: Mask<S>,
+    normal: Vectors<S>,
+    error: Vectors<S>,
+    emission: Vectors<S>,
+    inverse_area: Floats<S>,
+}
+
+impl<S: Simd> Chosen<S> {
+    #[inline(always)]
+    fn new(x: Floats<S>, y: Floats<S>, row: [Floats<S>; PATCH]) -> Self {
+        let [_, _, first, second, of_first, of_second, ..] = row;
+        Self { x, y, triangles: [first.bits(), second.bits()], weights: [of_first.bits(), of_second.bits()] }
+    }
+}
+
+impl<S: Simd> TriangleRow<S> {
+    #[inline(always)]
+    fn new(here: [Floats<S>; 8], there: [Floats<S>; 8]) -> Self {
+        let [primitive, pdf_area, edge, two_sided, nx, ny, nz, ex] = here;
+        let [ey, ez, r, g, b, inverse_area, ..] = there;
+        Self {
+            primitive: primitive.bits(),
+            pdf_area,
+            edge,
+            two_sided: two_sided.bits().is(1),
+            normal: Vectors::new(nx, ny, nz),
+            error: Vectors::new(ex, ey, ez),
+            emission: Vectors::new(r, g, b),
+            inverse_area,
+        }
+    }
+}
+
+/// At most eight patches, each of them a strip of its own, and triangles.
+#[derive(Clone, Debug)]
+struct FewRows {
+    patches: [F8; PATCH],
+    triangles: [[F8; 8]; 2],
+    corners: [F8; 9],
+}
+
+/// Any number of strips, patches and triangles.
+#[derive(Clone, Debug)]
+struct ManyRows {
+    /// Cumulative, probability, first patch and number of patches, the latter by their bits.
+    strips: Vec<[f32; 4]>,
+    patches: Vec<[f32; PATCH]>,
+    triangles: Vec<[f32; TRIANGLE]>,
+}
+
+impl LightLanes {
+    /// `None` where there is an environment map or a light without area.
+    pub(crate) fn new(lights: &Lights, geometry: &Geometry, materials: &[Material]) -> Option<Self> {
+        let sky = match &lights.environment {
+            Surroundings::Nothing => None,
+            Surroundings::Constant(radiance) => Some((radiance.to_array(), lights.environment_probability)),
+            Surroundings::Map(_) => return None,
+        };
+        if !lights.punctual.is_empty() {
+            return None;
+        }
+        let row = |t: &LightTriangle| {
+            let error = SurfaceTriangle::new(&geometry.triangles[t.primitive as usize]).error;
+            let emission = materials[geometry.part(t.primitive).material as usize].emission.factor;
+            let two_sided = f32::from_bits(t.two_sided.into());
+            let mut row = [0.0; TRIANGLE];
+            row[..4].copy_from_slice(&[f32::from_bits(t.primitive), t.pdf_area, t.edge, two_sided]);
+            row[4..7].copy_from_slice(&t.normal.to_array());
+            row[7..10].copy_from_slice(&error);
+            row[10..13].copy_from_slice(&emission);
+            row[13] = t.inverse_area;
+            row
+        };
+        let triangles: Vec<[f32; TRIANGLE]> = lights.triangles.iter().map(row).collect();
+        let tables = if triangles.is_empty() {
+            Tables::None
+        } else if let Some(patches) = lights.patches.rows_if_alone()
+            && patches.len() <= 8
+            && triangles.len() <= 8
+        {
+            let corners = |t: &LightTriangle| {
+                let [[a, b, c], [d, e, f], [g, h, i]] = geometry.triangles[t.primitive as usize];
+                [a, b, c, d, e, f, g, h, i]
+            };
+            Tables::Few(Box::new(FewRows {
+                patches: columns(&patches.iter().map(patch_row).collect::<Vec<_>>()),
+                triangles: [&halves(&triangles, 0), &halves(&triangles, 1)].map(|rows| columns(rows)),
+                corners: columns(&lights.triangles.iter().map(corners).collect::<Vec<_>>()),
+            }))
+        } else {
+            let (strips, patches) = lights.patches.rows();
+            Tables::Many(ManyRows {
+                strips: strips.into_iter().map(|row| row.map(f32::from_bits)).collect(),
+                patches: patches.iter().map(patch_row).collect(),
+                triangles,
+            })
+        };
+        Some(Self { tables, sky })
+    }
+
+    /// Whether there is an environment.
+    pub(crate) fn has_sky(&self) -> bool {
+        self.sky.is_some()
+    }
+
+    /// What rays that leave the scene meet, and the density with which [`LightLanes::sample`] takes their direction at a surface whose
+    /// shading normal makes cosine `cos` with it.
+    #[inline(always)]
+    pub(crate) fn escaped<S: Simd>(&self, s: S, cos: Floats<S>) -> Option<(Vectors<S>, Floats<S>)> {
+        let (radiance, share) = self.sky?;
+        Some((Vectors::splat(s, radiance), sky_pdf(s, share, cos)))
+    }
+
+    /// As [`Lights::sample`], seen from `p` on a surface with this shading frame, for lanes `active`.
     #[inline(always)]
     pub(crate) fn sample<S: Simd>(
         &self,
         s: S,
-        lights: &Lights,
+        (lights, geometry): (&Lights, &Geometry),
         p: Vectors<S>,
+        frame: &FrameLanes<S>,
         [select, v]: [Floats<S>; 2],
         active: u32,
     ) -> LightSamples<S> {
-        let (zero, one) = (Floats::splat(s, 0.0), Floats::splat(s, 1.0));
-        let patch = self.strip(s, select);
-
-        // The place in the patch.
-        let below_one = Floats::splat(s, 1.0 - 0.5 * f32::EPSILON);
-        let from = select - Floats::look_up(&self.cumulative, patch);
-        let x = from / Floats::look_up(&self.probability, patch);
-        let x = below_one.min(zero.max(x));
-        let pair = Integers::look_up(&self.pair, patch).is(1);
-        let first = (x + v).less(one);
-        let weights = [
-            first.select(one - x - v, (x - (one - v)).max(zero)),
-            first.select(x, one - v),
-            first.select(v, one - x),
-        ];
-        let triangle = self.of_half(first, 0, patch);
-        let b = chosen(self.of_half(first, 1, patch), weights);
-        let c = chosen(self.of_half(first, 2, patch), weights);
-        let (folded_b, folded_c) = square_to_triangle(x, v);
-        let (b, c) = (pair.select(b, folded_b), pair.select(c, folded_c));
-
-        // The point, off the triangle's edges.
-        let normal = Vectors::look_up(&self.normals, triangle);
-        let [k, l, m] = &self.corners;
-        let corners =
-            [Vectors::look_up(k, triangle), Vectors::look_up(l, triangle), Vectors::look_up(m, triangle)];
-        let shows = zero.less(normal.dot(p - corners[0]));
-        let two_sided = Integers::look_up(&self.two_sided, triangle).is(1);
-        let mut there = active & (shows | two_sided).bits();
-        let mut point = PointLanes::new(s, corners, Vectors::look_up(&self.errors, triangle), b, c);
-        let near_edge = b.min(c).min(one - b - c).less(Floats::look_up(&self.edge, triangle)).bits() & there;
-        if near_edge != 0 {
-            let (triangles, b, c) = (triangle.store(), b.store(), c.store());
-            point = point.replaced(s, near_edge, |lane| {
-                let light = &lights.triangles[triangles.0[lane] as usize];
-                light.triangle.point_off_edges(b.0[lane], c.0[lane])
-            });
+        let Some((radiance, share)) = self.sky else {
+            return self.sample_surfaces(s, lights, geometry, p, [select, v], active);
+        };
+        let chosen = select.less(Floats::splat(s, share));
+        let rest = (select - share) / Floats::splat(s, 1.0 - share);
+        let sky = active & chosen.bits();
+        let surfaces = self.sample_surfaces(s, lights, geometry, p, [rest, v], active & !sky);
+        if sky == 0 {
+            return surfaces;
         }
-        let d = point.p - p;
-        let distance2 = d.dot(d);
-        let length = distance2.sqrt();
-        let wi = Vectors::new(d.x / length, d.y / length, d.z / length);
-        let cos = -wi.dot(normal);
-        let pdf = Floats::look_up(&self.pdf_area, triangle) * distance2 / cos.abs();
-        let somewhere = Mask::splat(s, true).without(distance2.is(0.0));
-        let valid = somewhere & zero.less(pdf) & pdf.less(Floats::splat(s, f32::INFINITY));
-        there &= valid.bits();
-        let primitive = Integers::look_up(&self.primitive, triangle);
-        let emission = Vectors::look_up(&self.emission, triangle);
-        LightSamples { there, wi, pdf, point, cos, normal, primitive, emission }
+        let local = square_to_cosine_hemisphere(s, select / Floats::splat(s, share), v);
+        let pdf = sky_pdf(s, share, local.z);
+        let sky = sky & Floats::splat(s, 0.0).less(pdf).bits();
+        LightSamples {
+            there: surfaces.there | sky,
+            sky,
+            wi: frame.to_world(local).or_where_not(chosen, surfaces.wi),
+            pdf: chosen.select(pdf, surfaces.pdf),
+            emission: Vectors::splat(s, radiance).or_where_not(chosen, surfaces.emission),
+            ..surfaces
+        }
     }
 
-    /// Of the first halves of patches, or of the second ones: triangle or weights.
+    /// A point of the patches of these rows that were chosen with `density`, by what the choice left of its number and the second number;
+    /// seen from `p`, for lanes `active`.
     #[inline(always)]
-    fn of_half<S: Simd>(&self, first: Mask<S>, what: usize, patch: Integers<S>) -> Integers<S> {
-        let [a, b] = &self.halves;
-        Integers::look_up(&a[what], patch).or_where_not(first, Integers::look_up(&b[what], patch))
+    pub(super) fn sample_patches<S: Simd>(
+        &self,
+        s: S,
+        (lights, geometry): (&Lights, &Geometry),
+        p: Vectors<S>,
+        (patches, row): (&[[f32; PATCH]], Integers<S>),
+        [rest, v, density]: [Floats<S>; 3],
+        active: u32,
+    ) -> LightSamples<S> {
+        let row = Floats::gather_eights(patches.as_flattened(), row.shift_left::<3>());
+        let chosen = Chosen::new(rest, v, row);
+        match &self.tables {
+            Tables::Few(rows) => point_of(s, &**rows, lights, geometry, p, chosen, Some(density), active),
+            Tables::Many(rows) => point_of(s, rows, lights, geometry, p, chosen, Some(density), active),
+            Tables::None => LightSamples::none(s),
+        }
     }
 
-    /// Which patch the first number chooses.
     #[inline(always)]
-    fn strip<S: Simd>(&self, s: S, select: Floats<S>) -> Integers<S> {
-        let count = self.guide.len();
-        if count == 1 {
-            return Integers::splat(s, 0);
+    fn sample_surfaces<S: Simd>(
+        &self,
+        s: S,
+        lights: &Lights,
+        geometry: &Geometry,
+        p: Vectors<S>,
+        numbers: [Floats<S>; 2],
+        active: u32,
+    ) -> LightSamples<S> {
+        match &self.tables {
+            Tables::Few(rows) => sample_of(s, &**rows, lights, geometry, p, numbers, active),
+            Tables::Many(rows) if active != 0 => sample_of(s, rows, lights, geometry, p, numbers, active),
+            Tables::Many(_) | Tables::None => LightSamples::none(s),
         }
-        // One after the other is simplest where there are few: the guide first, as there.
-        let mut index = select.store().0.map(f32::to_bits);
-        for index in &mut index {
-            let select = f32::from_bits(*index);
-            *index = self.guide[((select * count as f32) as usize).min(count - 1)];
-            while (*index as usize) + 1 < count && self.cumulative.0[*index as usize + 1] <= select {
-                *index += 1;
+    }
+}
+
+/// [`Lights::constant_pdf`].
+#[inline(always)]
+fn sky_pdf<S: Simd>(s: S, share: f32, cos: Floats<S>) -> Floats<S> {
+    Floats::splat(s, share * FRAC_1_PI) * cos.max(Floats::splat(s, 0.0))
+}
+
+/// A point of the emissive triangles, as [`LightTriangle::sample`] takes it.
+#[inline(always)]
+fn sample_of<S: Simd, R: Rows>(
+    s: S,
+    rows: &R,
+    lights: &Lights,
+    geometry: &Geometry,
+    p: Vectors<S>,
+    numbers: [Floats<S>; 2],
+    active: u32,
+) -> LightSamples<S> {
+    let chosen = rows.choose(s, lights, numbers);
+    point_of(s, rows, lights, geometry, p, chosen, None, active)
+}
+
+/// The same of what was chosen; `density`: with which, over the triangle's area, unless by power.
+#[expect(clippy::too_many_arguments, reason = "inlined, and none goes with another")]
+#[inline(always)]
+fn point_of<S: Simd, R: Rows>(
+    s: S,
+    rows: &R,
+    lights: &Lights,
+    geometry: &Geometry,
+    p: Vectors<S>,
+    Chosen { x, y, triangles, weights: which }: Chosen<S>,
+    density: Option<Floats<S>>,
+    active: u32,
+) -> LightSamples<S> {
+    let (zero, one) = (Floats::splat(s, 0.0), Floats::splat(s, 1.0));
+
+    // The place in the patch. Of one that is a single triangle both halves are the same.
+    let first = (x + y).less(one);
+    let weights = [
+        first.select(one - x - y, (x - (one - y)).max(zero)),
+        first.select(x, one - y),
+        first.select(y, one - x),
+    ];
+    let which = which[0].or_where_not(first, which[1]);
+    let triangle = triangles[0].or_where_not(first, triangles[1]);
+    let pair = (which & PAIR).is(PAIR);
+    let b = weight(which & 3, weights);
+    let c = weight(which.shift_right::<2>() & 3, weights);
+    let (folded_b, folded_c) = square_to_triangle(x, y);
+    let (b, c) = (pair.select(b, folded_b), pair.select(c, folded_c));
+
+    // The point, off the triangle's edges.
+    let row = rows.triangle(triangle);
+    let TriangleRow { primitive, normal, two_sided, emission, .. } = row;
+    let corners = rows.corners(geometry, triangle, primitive);
+    let shows = zero.less(normal.dot(p - corners[0]));
+    let mut there = active & (shows | two_sided).bits();
+    let mut point = PointLanes::new(s, corners, row.error, b, c);
+    let near_edge = b.min(c).min(one - b - c).less(row.edge).bits() & there;
+    if near_edge != 0 {
+        let (triangles, b, c) = (triangle.store(), b.store(), c.store());
+        point = point.replaced(s, near_edge, |lane| {
+            let light = &lights.triangles[triangles.0[lane] as usize];
+            light.triangle.point_off_edges(b.0[lane], c.0[lane])
+        });
+    }
+    let d = point.p - p;
+    let distance2 = d.dot(d);
+    let length = distance2.sqrt();
+    let wi = Vectors::new(d.x / length, d.y / length, d.z / length);
+    let cos = -wi.dot(normal);
+    let pdf_area = match density {
+        Some(density) => density * row.inverse_area,
+        None => row.pdf_area,
+    };
+    let pdf = pdf_area * distance2 / cos.abs();
+    let somewhere = Mask::splat(s, true).without(distance2.is(0.0));
+    let valid = somewhere & zero.less(pdf) & pdf.less(Floats::splat(s, f32::INFINITY));
+    there &= valid.bits();
+    LightSamples { there, sky: 0, wi, pdf, point, cos, normal, two_sided, primitive, emission }
+}
+
+impl Rows for FewRows {
+    #[inline(always)]
+    fn choose<S: Simd>(&self, s: S, lights: &Lights, [select, v]: [Floats<S>; 2]) -> Chosen<S> {
+        let row = eight_of(&self.patches, strip(s, lights, select));
+        let [cumulative, probability, ..] = row;
+        Chosen::new(clamped(s, (select - cumulative) / probability), v, row)
+    }
+
+    #[inline(always)]
+    fn triangle<S: Simd>(&self, triangle: Integers<S>) -> TriangleRow<S> {
+        let [here, there] = &self.triangles;
+        TriangleRow::new(eight_of(here, triangle), eight_of(there, triangle))
+    }
+
+    #[inline(always)]
+    fn corners<S: Simd>(&self, _: &Geometry, triangle: Integers<S>, _: Integers<S>) -> [Vectors<S>; 3] {
+        let [ax, ay, az, bx, by, bz, cx, cy, cz] = self.corners;
+        [
+            Vectors::look_up(&[ax, ay, az], triangle),
+            Vectors::look_up(&[bx, by, bz], triangle),
+            Vectors::look_up(&[cx, cy, cz], triangle),
+        ]
+    }
+}
+
+/// The entries of eight tables.
+#[inline(always)]
+fn eight_of<S: Simd>([a, b, c, d, e, f, g, h]: &[F8; 8], index: Integers<S>) -> [Floats<S>; 8] {
+    [
+        Floats::look_up(a, index),
+        Floats::look_up(b, index),
+        Floats::look_up(c, index),
+        Floats::look_up(d, index),
+        Floats::look_up(e, index),
+        Floats::look_up(f, index),
+        Floats::look_up(g, index),
+        Floats::look_up(h, index),
+    ]
+}
+
+impl Rows for ManyRows {
+    #[inline(always)]
+    fn choose<S: Simd>(&self, s: S, lights: &Lights, [select, v]: [Floats<S>; 2]) -> Chosen<S> {
+        let strip = strip(s, lights, select).shift_left::<2>();
+        let [cumulative, probability, first, count] = Floats::gather_fours(self.strips.as_flattened(), strip);
+        let (first, count) = (first.bits(), count.bits());
+        let x = clamped(s, (select - cumulative) / probability);
+        let patches = self.patches.as_flattened();
+        let alone = count.is(1);
+        if alone.bits() == 0xff {
+            return Chosen::new(x, v, Floats::gather_eights(patches, first.shift_left::<3>()));
+        }
+        // Whole numbers of patches are exact as floats.
+        let counts = count.to_floats();
+        let interval = (v * counts).min(counts - 1.0).truncate();
+        let mut patch = first + Integers::gather(lights.patches.guide(), first + interval);
+        let last = first + count - 1;
+        loop {
+            let next = patch + 1;
+            let begins = Floats::gather(patches, next.shift_left::<3>() + CUMULATIVE);
+            let more = begins.less_equal(v).without(patch.equal(last));
+            if more.bits() == 0 {
+                break;
             }
+            patch = next.or_where_not(more, patch);
         }
-        Integers::load(s, &U8(index))
+        let row = Floats::gather_eights(patches, patch.shift_left::<3>());
+        let [cumulative, probability, ..] = row;
+        let y = clamped(s, (v - cumulative) / probability);
+        Chosen::new(x, alone.select(v, y), row)
     }
+
+    #[inline(always)]
+    fn triangle<S: Simd>(&self, triangle: Integers<S>) -> TriangleRow<S> {
+        let rows = self.triangles.as_flattened();
+        let first = triangle.shift_left::<4>();
+        TriangleRow::new(Floats::gather_eights(rows, first), Floats::gather_eights(rows, first + 8))
+    }
+
+    #[inline(always)]
+    fn corners<S: Simd>(
+        &self,
+        geometry: &Geometry,
+        _: Integers<S>,
+        primitive: Integers<S>,
+    ) -> [Vectors<S>; 3] {
+        geometry.corners_in_lanes(primitive)
+    }
+}
+
+/// Which strip the first number chooses.
+#[inline(always)]
+fn strip<S: Simd>(s: S, lights: &Lights, select: Floats<S>) -> Integers<S> {
+    let (cumulative, guide) = (&lights.cumulative, &lights.guide);
+    let count = cumulative.len();
+    if count == 1 {
+        return Integers::splat(s, 0);
+    }
+    // Beyond the last there is the last.
+    let mut index = Integers::gather(guide, (select * count as f32).truncate());
+    loop {
+        let next = index + 1;
+        let more = Floats::gather(cumulative, next).less_equal(select);
+        let more = more.without(index.is(count as u32 - 1));
+        if more.bits() == 0 {
+            return index;
+        }
+        index = next.or_where_not(more, index);
+    }
+}
+
+/// From 0 to below 1.
+#[inline(always)]
+fn clamped<S: Simd>(s: S, x: Floats<S>) -> Floats<S> {
+    Floats::splat(s, 1.0 - 0.5 * f32::EPSILON).min(Floats::splat(s, 0.0).max(x))
 }
 
 /// Weight 0, 1 or 2.
 #[inline(always)]
-fn chosen<S: Simd>(which: Integers<S>, weights: [Floats<S>; 3]) -> Floats<S> {
+fn weight<S: Simd>(which: Integers<S>, weights: [Floats<S>; 3]) -> Floats<S> {
     which.is(0).select(weights[0], which.is(1).select(weights[1], weights[2]))
 }
 
-/// At most eight.
-fn floats<T>(all: &[T], of: impl Fn(&T) -> f32) -> F8 {
-    F8(core::array::from_fn(|i| all.get(i).map_or(0.0, &of)))
+/// In a half's weights: whether the patch has two triangles. Below it which weights are those of the triangle's second and third corner.
+const PAIR: u32 = 16;
+
+pub(super) fn patch_row(patch: &Row) -> [f32; PATCH] {
+    let weights = |i: usize| {
+        let [b, c] = patch.weights[i].map(u32::from);
+        f32::from_bits(b | c << 2 | if patch.pair { PAIR } else { 0 })
+    };
+    let [first, second] = patch.triangles.map(f32::from_bits);
+    [patch.cumulative, patch.probability, first, second, weights(0), weights(1), 0.0, 0.0]
 }
 
-/// At most eight.
-fn numbers<T>(all: &[T], of: impl Fn(&T) -> u32) -> U8 {
-    U8(core::array::from_fn(|i| all.get(i).map_or(0, &of)))
+/// At most eight rows, number by number.
+fn columns<const N: usize>(rows: &[[f32; N]]) -> [F8; N] {
+    core::array::from_fn(|number| F8(core::array::from_fn(|i| rows.get(i).map_or(0.0, |row| row[number]))))
 }
 
-/// At most eight.
-fn vectors<T>(all: &[T], of: impl Fn(&T) -> [f32; 3]) -> [F8; 3] {
-    [0, 1, 2].map(|axis| floats(all, |one| of(one)[axis]))
+/// The first or second eight numbers of rows.
+fn halves(rows: &[[f32; TRIANGLE]], half: usize) -> Vec<[f32; 8]> {
+    rows.iter().map(|row| row.as_chunks::<8>().0[half]).collect()
 }

@@ -43,7 +43,7 @@ const GOLDEN: f32 = 0.618_034;
 /// What was learned about a scene's lights.
 #[derive(Debug, Default)]
 pub(crate) struct Learned {
-    facing: Option<Facing>,
+    pub(super) facing: Option<Facing>,
     windows: Option<Windows>,
 }
 
@@ -54,6 +54,16 @@ pub(crate) struct Outlook(u16);
 impl Outlook {
     /// Nothing is known.
     pub(crate) const NONE: Self = Self(NOWHERE);
+
+    /// For lanes.
+    pub(super) const fn number(self) -> u32 {
+        self.0 as u32
+    }
+
+    /// Of [`Outlook::number`].
+    pub(super) const fn of_number(number: u32) -> Self {
+        Self(number as u16)
+    }
 }
 
 /// Where lights are seen from.
@@ -96,6 +106,10 @@ impl Learned {
         let windows = (lessons.windows && constant).then(|| learn_windows(scene, camera, seed));
         let windows = windows.filter(|windows| windows.len() > 0);
         (facing.is_some() || windows.is_some()).then_some(Self { facing, windows })
+    }
+
+    pub(super) fn has_windows(&self) -> bool {
+        self.windows.is_some()
     }
 
     /// What is known of the directions in which the environment is seen about `p` on a surface with geometric normal `n`, turned to the

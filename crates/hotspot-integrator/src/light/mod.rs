@@ -26,6 +26,7 @@ mod facing;
 mod guided;
 mod lanes;
 mod learn;
+mod learned_lanes;
 #[cfg(test)]
 mod patch_tests;
 mod patches;
@@ -48,8 +49,9 @@ pub(crate) use environment::EnvironmentSampler;
 use glam::{Vec2, Vec3};
 use hotspot_probe::Probe;
 use hotspot_scene::{Environment, Light, Material};
-pub(crate) use lanes::LightLanes;
+pub(crate) use lanes::{LightLanes, LightSamples};
 pub(crate) use learn::{Learned, Lessons, Outlook, Viewpoint, met};
+pub(crate) use learned_lanes::ViewpointLanes;
 use patches::Patches;
 use punctual::PunctualLight;
 pub(crate) use punctual::ray_to_position;

@@ -62,9 +62,9 @@ struct Half {
     weights: [u8; 2],
 }
 
-/// A patch that is a strip by itself, as [`Strip`], [`Patch`] and [`Half`] have it.
+/// A patch, as [`Patch`] and [`Half`] have it; where it is a strip by itself, with the strip's probabilities.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Alone {
+pub(super) struct Row {
     pub(super) cumulative: f32,
     pub(super) probability: f32,
     pub(super) pair: bool,
@@ -169,19 +169,24 @@ impl Patches {
     }
 
     /// The patch of each strip, with the probabilities that choose it, where no strip has several.
-    pub(super) fn one_each(&self) -> Option<impl Iterator<Item = Alone> + '_> {
-        self.strips.iter().all(|strip| strip.count == 1).then(|| {
-            self.strips.iter().map(|strip| {
-                let patch = &self.patches[strip.first as usize];
-                Alone {
-                    cumulative: strip.cumulative,
-                    probability: strip.probability,
-                    pair: patch.pair,
-                    triangles: patch.halves.map(|half| half.triangle),
-                    weights: patch.halves.map(|half| half.weights),
-                }
-            })
-        })
+    pub(super) fn rows_if_alone(&self) -> Option<Vec<Row>> {
+        let alone = self.strips.iter().all(|strip| strip.count == 1);
+        let row = |strip: &Strip| {
+            let patch = self.patches[strip.first as usize];
+            Row { cumulative: strip.cumulative, probability: strip.probability, ..patch.row() }
+        };
+        alone.then(|| self.strips.iter().map(row).collect())
+    }
+
+    /// Of all strips: cumulative and probability by their bits, the first patch and how many; and all patches.
+    pub(super) fn rows(&self) -> (Vec<[u32; 4]>, Vec<Row>) {
+        let strip = |s: &Strip| [s.cumulative.to_bits(), s.probability.to_bits(), s.first, s.count];
+        (self.strips.iter().map(strip).collect(), self.patches.iter().map(Patch::row).collect())
+    }
+
+    /// Of each patch's interval the patch of the strip to begin with, as [`Patches::sample`] does.
+    pub(super) fn guide(&self) -> &[u32] {
+        &self.guide
     }
 
     /// Adds a part's patches and strips, without probabilities.
@@ -227,6 +232,16 @@ impl Patches {
 }
 
 impl Patch {
+    pub(super) fn row(&self) -> Row {
+        Row {
+            cumulative: self.cumulative,
+            probability: self.probability,
+            pair: self.pair,
+            triangles: self.halves.map(|half| half.triangle),
+            weights: self.halves.map(|half| half.weights),
+        }
+    }
+
     /// Indices of its triangles.
     pub(super) fn triangles(&self) -> impl Iterator<Item = u32> + Clone + '_ {
         self.halves[..if self.pair { 2 } else { 1 }].iter().map(|half| half.triangle)

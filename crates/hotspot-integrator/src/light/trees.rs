@@ -33,6 +33,28 @@ pub(super) struct Trees {
     nodes: Vec<Node>,
 }
 
+/// A search for an entry, under way.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Descent {
+    index: usize,
+    rest: f32,
+    probability: f32,
+}
+
+impl Descent {
+    /// At the root, for `u` in [0, 1).
+    #[inline(always)]
+    pub(super) fn new(u: f32) -> Self {
+        Self { index: 0, rest: u, probability: 1.0 }
+    }
+
+    /// As [`Trees::sample`], once there is no other level.
+    #[inline(always)]
+    pub(super) fn found(&self) -> (usize, f32, f32) {
+        (self.index, self.rest, self.probability)
+    }
+}
+
 impl Shape {
     fn new(count: usize) -> Self {
         let mut sizes = vec![count.div_ceil(WIDTH)];
@@ -86,14 +108,23 @@ impl Trees {
     /// The entry that holds `u` (in [0, 1)), where in it `u` lies, in [0, 1), and its probability.
     #[inline(always)]
     pub(super) fn sample(&self, distribution: usize, u: f32) -> (usize, f32, f32) {
-        let nodes = &self.nodes[distribution * self.shape.stride..][..self.shape.stride];
-        let (mut index, mut rest, mut probability) = (0, u, 1.0);
-        for first in self.shape.levels() {
-            let step = nodes[*first as usize + index].sample(rest);
-            index = index * WIDTH + step.index;
-            (rest, probability) = (step.rest, probability * step.probability);
+        let mut descent = Descent::new(u);
+        let mut level = 0;
+        while self.descend(distribution, level, &mut descent) {
+            level += 1;
         }
-        (index, rest, probability)
+        descent.found()
+    }
+
+    /// Goes through a level, the root's being 0; whether there is another.
+    #[inline(always)]
+    pub(super) fn descend(&self, distribution: usize, level: usize, descent: &mut Descent) -> bool {
+        let levels = self.shape.levels();
+        let nodes = &self.nodes[distribution * self.shape.stride..][..self.shape.stride];
+        let step = nodes[levels[level] as usize + descent.index].sample(descent.rest);
+        descent.index = descent.index * WIDTH + step.index;
+        (descent.rest, descent.probability) = (step.rest, descent.probability * step.probability);
+        level + 1 < levels.len()
     }
 
     /// The probability with which [`Trees::sample`] finds an entry.
