@@ -22,6 +22,7 @@ mod face;
 #[cfg(test)]
 mod tests;
 
+use crate::rays::Rays;
 use crate::simd::{Doubles, Floats, Integers, Mask, Simd, Vectors};
 use crate::triangle::unit_normal;
 use face::{Equation, Face, Faces, NONE, corners, quadrangle};
@@ -30,15 +31,6 @@ use face::{Equation, Face, Faces, NONE, corners, quadrangle};
 const ERROR: f32 = 64.0 * 0.5 * f32::EPSILON;
 /// The largest coordinates for which no product here overflows or vanishes.
 const COORDINATES: core::ops::Range<f32> = 1e-6..1e6;
-/// Rays in lanes.
-#[derive(Clone, Copy)]
-pub struct Rays<S: Simd> {
-    /// Where they start.
-    pub origin: Vectors<S>,
-    /// Where they go, of any length; those of none are doubtful.
-    pub direction: Vectors<S>,
-}
-
 /// What rays hit first.
 #[derive(Clone, Copy)]
 pub struct Hits<S: Simd> {
@@ -198,6 +190,14 @@ fn details<S: Simd>(s: S, rays: &Rays<S>, [a, b, c]: [Vectors<S>; 3]) -> [Floats
     let leave = leave.max(enter);
     let t = leave.min(enter.max(plane_t));
 
+    let [u, v] = edge_weights(s, rays, [a, b, c]);
+    [t, u, v]
+}
+
+/// Barycentric weights of the second and third corner, as `triangle.rs` computes them.
+#[inline(always)]
+pub(crate) fn edge_weights<S: Simd>(s: S, rays: &Rays<S>, [a, b, c]: [Vectors<S>; 3]) -> [Floats<S>; 2] {
+    let (o, d) = (rays.origin, rays.direction);
     // In the ray's order of axes: the direction's longest component comes last.
     let last = LongestAxis::of(d);
     let (o, d) = (widened(last.permuted(o)), widened(last.permuted(d)));
@@ -210,7 +210,7 @@ fn details<S: Simd>(s: S, rays: &Rays<S>, [a, b, c]: [Vectors<S>; 3]) -> [Floats
     let sum = u + v + w;
     let second = v / sum;
     let third = (w / sum).min(Floats::splat(s, 1.0).widen() - second);
-    [t, second.narrow(), third.narrow()]
+    [second.narrow(), third.narrow()]
 }
 
 /// Where rays enter and leave the slab of a triangle's box along an axis.
@@ -223,7 +223,7 @@ fn slab<S: Simd>([a, b, c]: [Floats<S>; 3], o: Floats<S>, d: Floats<S>) -> (Floa
 }
 
 #[inline(always)]
-fn difference<S: Simd>(a: [Doubles<S>; 3], b: [Doubles<S>; 3]) -> [Doubles<S>; 3] {
+pub(crate) fn difference<S: Simd>(a: [Doubles<S>; 3], b: [Doubles<S>; 3]) -> [Doubles<S>; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
@@ -231,6 +231,11 @@ fn difference<S: Simd>(a: [Doubles<S>; 3], b: [Doubles<S>; 3]) -> [Doubles<S>; 3
 #[inline(always)]
 fn dot_from_zero<S: Simd>(s: S, n: [Doubles<S>; 3], v: [Doubles<S>; 3]) -> Doubles<S> {
     Floats::splat(s, 0.0).widen() + n[0] * v[0] + n[1] * v[1] + n[2] * v[2]
+}
+
+#[inline(always)]
+pub(crate) fn dot<S: Simd>(a: [Doubles<S>; 3], b: [Doubles<S>; 3]) -> Doubles<S> {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// As `sheared_exactly`: all in the rays' order of axes.
@@ -241,28 +246,35 @@ fn sheared<S: Simd>(v: [Doubles<S>; 3], o: [Doubles<S>; 3], d: [Doubles<S>; 3]) 
 }
 
 #[inline(always)]
-fn widened<S: Simd>(v: Vectors<S>) -> [Doubles<S>; 3] {
+pub(crate) fn widened<S: Simd>(v: Vectors<S>) -> [Doubles<S>; 3] {
     [v.x.widen(), v.y.widen(), v.z.widen()]
 }
 
 /// Which component of a direction is the largest, as [`longest_axis`](crate::triangle::longest_axis) says; neither: the third.
-struct LongestAxis<S: Simd> {
+pub(crate) struct LongestAxis<S: Simd> {
     x: Mask<S>,
     y: Mask<S>,
 }
 
 impl<S: Simd> LongestAxis<S> {
     #[inline(always)]
-    fn of(direction: Vectors<S>) -> Self {
+    pub(crate) fn of(direction: Vectors<S>) -> Self {
         let Vectors { x, y, z } = direction.abs();
         let y_wins = x.less_equal(y);
         let not_z = z.less(x.max(y));
         Self { x: not_z.without(y_wins), y: not_z & y_wins }
     }
 
+    /// Its index.
+    #[inline(always)]
+    pub(crate) fn number(&self, s: S) -> Integers<S> {
+        let [x, y, z] = [Integers::splat(s, 0), Integers::splat(s, 1), Integers::splat(s, 2)];
+        x.or_where_not(self.x, y.or_where_not(self.y, z))
+    }
+
     /// In an order of axes where it comes last.
     #[inline(always)]
-    fn permuted(&self, Vectors { x, y, z }: Vectors<S>) -> Vectors<S> {
+    pub(crate) fn permuted(&self, Vectors { x, y, z }: Vectors<S>) -> Vectors<S> {
         Vectors::new(
             self.x.select(y, self.y.select(z, x)),
             self.x.select(z, self.y.select(x, y)),

@@ -30,6 +30,7 @@ pub mod few;
 mod filter;
 mod huge;
 mod instance;
+pub mod lanes;
 mod neighbours;
 mod node;
 mod obvhs;
@@ -41,6 +42,7 @@ mod ploc;
 #[cfg(test)]
 mod random;
 mod ray;
+pub mod rays;
 mod reinsertion;
 mod shuffle;
 pub mod simd;

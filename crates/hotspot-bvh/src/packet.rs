@@ -55,6 +55,26 @@ pub(crate) fn closest_of_packet<S: Simd>(s: S, bvh: &Bvh, rays: &[Ray], hits: &m
     }
 }
 
+/// Triangle and distance of the nearest hits of up to [`PACKET`] rays.
+///
+/// # Panics
+/// As [`closest_of_packet`].
+#[inline(always)]
+pub(crate) fn nearest_of_packet<S: Simd>(s: S, bvh: &Bvh, rays: &[Ray], hits: &mut [Option<(u32, f32)>]) {
+    assert!(rays.len() == hits.len() && rays.len() <= PACKET, "a packet holds at most {PACKET} rays");
+    let packet = if rays.len() < FEWEST || bvh.root == Child::EMPTY { None } else { Packet::of(rays) };
+    let Some(mut packet) = packet else {
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = alone(s, bvh, ray).map(|hit| (hit.primitive, hit.t));
+        }
+        return;
+    };
+    packet.find(s, bvh);
+    for (best, hit) in packet.best.iter().zip(hits) {
+        *hit = best.found.then_some((best.primitive, best.t));
+    }
+}
+
 /// Rays that do not run together. Not inlined: seldom, and long.
 #[inline(never)]
 fn alone<S: Simd>(s: S, bvh: &Bvh, ray: &Ray) -> Option<Hit> {

@@ -214,8 +214,7 @@ pub(crate) fn closest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, co
         probe.finish(false);
         return None;
     }
-    let place = Place { bvh, root: bvh.root, frame: &frame, instance: NO_INSTANCE, except };
-    let best = nearest::<S, P, F, INSTANCED, N>(s, place, Best::none(ray.t_max), &mut filter, &mut probe);
+    let best = closest_of_frame::<S, P, F, INSTANCED, N>(s, bvh, &frame, except, &mut filter, &mut probe);
     probe.finish(best.found);
     if !best.found {
         return None;
@@ -230,6 +229,20 @@ pub(crate) fn closest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, co
         details(&frame, &triangle)
     };
     Some(Hit { t: best.t, u, v, primitive: best.primitive, instance: best.instance, normal })
+}
+
+/// The same in a tree that is not empty, for a ray that is finite.
+#[inline(always)]
+pub(crate) fn closest_of_frame<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usize>(
+    s: S,
+    bvh: &Bvh,
+    frame: &RayFrame,
+    except: [u32; N],
+    filter: &mut F,
+    probe: &mut P,
+) -> Best {
+    let place = Place { bvh, root: bvh.root, frame, instance: NO_INSTANCE, except };
+    nearest::<S, P, F, INSTANCED, N>(s, place, Best::none(frame.ray.t_max), filter, probe)
 }
 
 /// A tree, and the ray in its space.
@@ -422,10 +435,23 @@ pub(crate) fn any<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const 
         probe.finish(false);
         return false;
     }
-    let place = Place { bvh, root: bvh.root, frame: &frame, instance: NO_INSTANCE, except };
-    let hit = blocked::<S, P, F, INSTANCED, N>(s, place, &mut filter, &mut probe);
+    let hit = any_of_frame::<S, P, F, INSTANCED, N>(s, bvh, &frame, except, &mut filter, &mut probe);
     probe.finish(hit);
     hit
+}
+
+/// The same in a tree that is not empty, for a ray that is finite.
+#[inline(always)]
+pub(crate) fn any_of_frame<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, const N: usize>(
+    s: S,
+    bvh: &Bvh,
+    frame: &RayFrame,
+    except: [u32; N],
+    filter: &mut F,
+    probe: &mut P,
+) -> bool {
+    let place = Place { bvh, root: bvh.root, frame, instance: NO_INSTANCE, except };
+    blocked::<S, P, F, INSTANCED, N>(s, place, filter, probe)
 }
 
 #[inline(always)]

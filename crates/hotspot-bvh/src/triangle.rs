@@ -35,9 +35,9 @@ pub(crate) const FAR_PAD: f32 = 1.0 + 4.0 * f32::EPSILON;
 /// the triangle's distance is at most d r (1 + u)² (1 + 8u), the box's at least d r (1 − u)² (1 + 32u); 1 + 12u would do.
 /// Where distances are subnormal, within half a quantum q: the triangle's rounds (k + 8uk)q for a d r of at least
 /// (k − 1/2)q, the box's at least (k − 1/2 + 30uk)q; the latter is not less, or 8uk < 1/2, and both round to kq.
-const FAR_SCALE: f32 = 1.0 + 16.0 * f32::EPSILON;
+pub(crate) const FAR_SCALE: f32 = 1.0 + 16.0 * f32::EPSILON;
 /// Added to their magnitude, for reciprocals that are subnormal: more than 12u of any such.
-const FAR_QUANTA: f32 = f32::from_bits(8);
+pub(crate) const FAR_QUANTA: f32 = f32::from_bits(8);
 
 /// Triangles per block.
 pub(crate) const LANES: usize = 8;
@@ -55,7 +55,7 @@ pub(crate) enum Axis {
 }
 
 /// Axis permutations by the axis that comes last; the fourth is never used.
-const CYCLES: [[Axis; 3]; 4] = [
+pub(crate) const CYCLES: [[Axis; 3]; 4] = [
     [Axis::Y, Axis::Z, Axis::X],
     [Axis::Z, Axis::X, Axis::Y],
     [Axis::X, Axis::Y, Axis::Z],
@@ -76,7 +76,7 @@ pub(crate) struct RayFrame {
     pub(crate) k: [Axis; 3],
     /// Origin and direction, permuted likewise.
     pub(crate) origin_k: [f32; 3],
-    direction_k: [f32; 3],
+    pub(crate) direction_k: [f32; 3],
     /// Shear factors along x and y.
     pub(crate) shear: [f32; 2],
 }

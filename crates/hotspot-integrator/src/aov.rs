@@ -138,7 +138,7 @@ impl WithSimd for Row<'_> {
                     let attributes = scene.geometry.attributes::<FullClass>(surface, hit.u, hit.v);
                     let smooth = scene.geometry.normal(surface, &hit);
                     let bumpy = if surface.part.has_tangents() {
-                        bumped(scene, surface, &hit, &attributes, smooth, -direction, &mut NoProbe)
+                        bumped(scene, surface, [hit.u, hit.v], &attributes, smooth, -direction, &mut NoProbe)
                     } else if direction.dot(smooth) <= 0.0 {
                         smooth
                     } else {

@@ -1,7 +1,7 @@
 //! From film positions to camera rays.
 
 use glam::Vec3;
-use hotspot_bvh::few::Rays;
+use hotspot_bvh::rays::Rays;
 use hotspot_bvh::simd::{Floats, Integers, Simd, Vectors};
 use hotspot_scene::{Camera, Projection};
 

@@ -356,24 +356,30 @@ fn take_list<S: Simd>(
     let view = View {
         scene: kernel.scene,
         lanes,
-        packets: kernel.packets,
+        packets: kernel.packets && !kernel.scene.cutouts.any(),
         camera: &kernel.camera,
         size: (kernel.width, kernel.height),
         settings: &kernel.path,
         table: points_table(),
     };
-    match kernel.scene.class() {
-        _ if kernel.path.learned.is_some() => simd.vectorize(
-            #[inline(always)]
-            || trace_samples::<S, Learning<LobesClass>>(simd, &view, list, found),
-        ),
-        SceneClass::Matte => simd.vectorize(
+    // Four kernels: what others would save, of textured scenes without cutouts or without learned lights, is little beside what they take to
+    // compile.
+    match (kernel.scene.class(), kernel.path.learned.is_some()) {
+        (SceneClass::Matte, false) => simd.vectorize(
             #[inline(always)]
             || trace_samples::<S, MatteClass>(simd, &view, list, found),
         ),
-        _ => simd.vectorize(
+        (SceneClass::Lobes, false) => simd.vectorize(
             #[inline(always)]
             || trace_samples::<S, LobesClass>(simd, &view, list, found),
+        ),
+        (SceneClass::Matte | SceneClass::Lobes, true) => simd.vectorize(
+            #[inline(always)]
+            || trace_samples::<S, Learning<LobesClass>>(simd, &view, list, found),
+        ),
+        (SceneClass::Textured | SceneClass::Full, _) => simd.vectorize(
+            #[inline(always)]
+            || trace_samples::<S, Learning<FullClass>>(simd, &view, list, found),
         ),
     }
 }

@@ -193,7 +193,7 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
         let front = wo.dot(smooth) >= 0.0;
         let mut normal = if front { smooth } else { -smooth };
         if C::TEXTURED && has::<C>(Feature::NormalMaps) && part.has_tangents() {
-            normal = bumped(scene, surface, &hit, &attributes, smooth, wo, probe);
+            normal = bumped(scene, surface, [hit.u, hit.v], &attributes, smooth, wo, probe);
         }
         let frame = Frame::new(normal);
         let local_wo = frame.to_local(wo);

@@ -6,7 +6,6 @@ use crate::geometry::{Attributes, Surface};
 use crate::scene::RenderScene;
 use crate::texture::{color, mapped_normal, scalar};
 use glam::Vec3;
-use hotspot_bvh::Hit;
 use hotspot_probe::Probe;
 
 /// The material at a point: textures looked up, one part of a mixed material chosen by `choice`.
@@ -98,7 +97,7 @@ fn alpha<P: Probe, C: Class>(
 pub(crate) fn bumped<P: Probe>(
     scene: &RenderScene,
     surface: Surface<'_>,
-    hit: &Hit,
+    [u, v]: [f32; 2],
     point: &Attributes,
     smooth: Vec3,
     wo: Vec3,
@@ -108,7 +107,7 @@ pub(crate) fn bumped<P: Probe>(
     let side = if wo.dot(smooth) >= 0.0 { 1.0 } else { -1.0 };
     let material = &scene.materials[surface.part.material as usize];
     let (Some(map), Some((tangent, bitangent))) =
-        (&material.normal_map, scene.geometry.tangents(surface, smooth, hit.u, hit.v))
+        (&material.normal_map, scene.geometry.tangents(surface, smooth, u, v))
     else {
         return smooth * side;
     };

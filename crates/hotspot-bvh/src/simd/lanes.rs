@@ -405,6 +405,13 @@ impl<S: Simd> Doubles<S> {
         Floats(self.0, self.0.narrow(self.1))
     }
 
+    /// √.
+    #[inline(always)]
+    #[must_use]
+    pub fn sqrt(self) -> Self {
+        Self(self.0, self.0.sqrt_doubles(self.1))
+    }
+
     /// `self < other ? self : other`.
     #[inline(always)]
     #[must_use]

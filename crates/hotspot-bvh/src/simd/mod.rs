@@ -166,6 +166,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn sub_doubles(self, a: Self::Doubles, b: Self::Doubles) -> Self::Doubles;
     /// a · b.
     fn mul_doubles(self, a: Self::Doubles, b: Self::Doubles) -> Self::Doubles;
+    /// √a.
+    fn sqrt_doubles(self, a: Self::Doubles) -> Self::Doubles;
     /// a / b.
     fn div_doubles(self, a: Self::Doubles, b: Self::Doubles) -> Self::Doubles;
     /// `a < b ? a : b`.
@@ -251,7 +253,7 @@ mod tests {
     fn whole_numbers_and_doubles_agree_bit_for_bit() {
         struct Ops(U8, U8, F8, F8);
         impl WithSimd for Ops {
-            type Output = ([[u32; 8]; 16], [[u32; 8]; 17], [[u32; 8]; 12], u32);
+            type Output = ([[u32; 8]; 16], [[u32; 8]; 18], [[u32; 8]; 12], u32);
             #[inline(always)]
             fn run<S: Simd>(self, s: S) -> Self::Output {
                 let (a, b) = (s.load_integers(&self.0), s.load_integers(&self.1));
@@ -296,6 +298,7 @@ mod tests {
                     s.narrow(s.sub_doubles(p, q)),
                     s.narrow(s.mul_doubles(p, q)),
                     s.narrow(s.div_doubles(p, q)),
+                    s.narrow(s.sqrt_doubles(q)),
                     s.narrow(s.min_doubles(p, q)),
                     s.floats_of(b),
                 ];

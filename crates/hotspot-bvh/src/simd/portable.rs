@@ -334,6 +334,10 @@ impl Simd for Portable {
         zip_doubles(a, b, |a, b| a * b)
     }
     #[inline(always)]
+    fn sqrt_doubles(self, a: [f64; 8]) -> [f64; 8] {
+        zip_doubles(a, a, |a, _| a.sqrt())
+    }
+    #[inline(always)]
     fn div_doubles(self, a: [f64; 8], b: [f64; 8]) -> [f64; 8] {
         zip_doubles(a, b, |a, b| a / b)
     }

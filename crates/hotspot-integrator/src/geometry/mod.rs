@@ -48,6 +48,11 @@ impl Part {
         Some([self.first_corner?.wrapping_sub(self.first_triangle), self.normals?])
     }
 
+    /// Whether its vertices have colours.
+    pub(crate) fn has_colors(&self) -> bool {
+        self.colors.is_some()
+    }
+
     /// Whether bumps can be applied.
     #[inline(always)]
     pub(crate) fn has_tangents(&self) -> bool {

@@ -1,18 +1,18 @@
 //! Scattering at eight surfaces at once: [`crate::bsdf`] in lanes.
 //!
-//! Matte and substrate are computed for all lanes; of the few that are neither each is asked by itself.
+//! Matte and substrate are computed for all lanes; of what is neither each is asked by itself, and so are textures.
 
 use super::math::{pow5, sin_cos_turn, square_to_cosine_hemisphere};
 use super::{LaneScene, Lanes, set, vector};
 use crate::bsdf::Bsdf;
 use crate::class::Class;
-use crate::geometry::Attributes;
+use crate::geometry::{Attributes, Surface};
 use crate::math::{FRAC_1_PI, PI};
 use crate::scene::RenderScene;
 use crate::surface::resolve;
 use glam::Vec2;
 use hotspot_bvh::NoProbe;
-use hotspot_bvh::simd::{Floats, Integers, Mask, Simd, Vectors};
+use hotspot_bvh::simd::{F8, Floats, Integers, Mask, Simd, U8, Vectors};
 
 /// How a material scatters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,14 +26,24 @@ pub(super) enum Kind {
     Specular,
 }
 
+/// Of a part's kind the bits that are [`Kind`].
+const KIND: u32 = 3;
+/// Added to it where textures or colours of vertices are to be looked up.
+pub(super) const VARIES: u32 = 4;
+/// Added to it where there is a normal map.
+pub(super) const BUMPY: u32 = 8;
+
 impl Kind {
-    pub(super) const fn of(bsdf: &hotspot_scene::Bsdf) -> Self {
+    /// `None`: lanes do not know it.
+    pub(super) fn of(bsdf: &hotspot_scene::Bsdf) -> Option<Self> {
         use hotspot_scene::Bsdf as Given;
         match bsdf {
-            Given::Matte { .. } => Self::Matte,
-            Given::Substrate { .. } => Self::Substrate,
-            Given::Mirror { .. } | Given::Glass { .. } => Self::Specular,
-            _ => Self::Other,
+            Given::Matte { .. } => Some(Self::Matte),
+            Given::Substrate { .. } => Some(Self::Substrate),
+            Given::RoughMetal { .. } => Some(Self::Other),
+            Given::Glass { absorption, .. } if *absorption != [0.0; 3] => None,
+            Given::Mirror { .. } | Given::Glass { .. } => Some(Self::Specular),
+            Given::Unlit { .. } | Given::Mix { .. } => None,
         }
     }
 }
@@ -49,10 +59,64 @@ pub(super) struct BsdfLanes<S: Simd> {
     /// Lanes, as bits: [`Kind::Other`] and [`Kind::Specular`], and the latter alone.
     others: u32,
     pub(super) speculars: u32,
-    /// Parts, of the others.
-    part: Integers<S>,
-    /// Whether paths come from the front, as bits.
+    /// What the others are asked by: where they are, and whether paths come from the front.
+    at: At<S>,
     front: u32,
+}
+
+/// Places on triangles.
+#[derive(Clone, Copy)]
+pub(super) struct At<S: Simd> {
+    pub(super) primitive: Integers<S>,
+    pub(super) u: Floats<S>,
+    pub(super) v: Floats<S>,
+}
+
+/// The same in memory.
+pub(super) struct Places {
+    primitive: U8,
+    u: F8,
+    v: F8,
+}
+
+impl<S: Simd> At<S> {
+    #[inline(always)]
+    pub(super) fn store(&self) -> Places {
+        Places { primitive: self.primitive.store(), u: self.u.store(), v: self.v.store() }
+    }
+}
+
+impl Places {
+    /// The surface at a lane's place, with what varies over it.
+    #[inline(always)]
+    pub(super) fn surface<'s, C: Class>(
+        &self,
+        scene: &'s RenderScene,
+        lane: usize,
+    ) -> (Surface<'s>, Attributes) {
+        let surface = scene.geometry.world_surface(self.primitive.0[lane]);
+        let attributes = if C::TEXTURED {
+            scene.geometry.attributes::<C>(surface, self.u.0[lane], self.v.0[lane])
+        } else {
+            Attributes::NONE
+        };
+        (surface, attributes)
+    }
+
+    /// Barycentric weights of its second and third corner.
+    #[inline(always)]
+    pub(super) fn weights(&self, lane: usize) -> [f32; 2] {
+        [self.u.0[lane], self.v.0[lane]]
+    }
+
+    /// What its material is there.
+    #[inline(always)]
+    fn bsdf<C: Class>(&self, scene: &RenderScene, lane: usize, front: u32) -> Bsdf {
+        let (surface, attributes) = self.surface::<C>(scene, lane);
+        let material = &scene.materials[surface.part.material as usize];
+        let front = front >> lane & 1 != 0;
+        resolve::<_, C>(scene, &material.bsdf, &attributes, front, 0.0, &mut NoProbe)
+    }
 }
 
 /// [`crate::bsdf::BsdfSample`] in lanes.
@@ -71,25 +135,67 @@ impl<S: Simd> BsdfLanes<S> {
     #[inline(always)]
     pub(super) fn new<C: Class>(
         s: S,
-        scene: &LaneScene,
+        (lanes, scene): (&LaneScene, &RenderScene),
         (part, kind): (Integers<S>, Integers<S>),
+        at: At<S>,
         front: Mask<S>,
         alive: u32,
     ) -> Self {
         let [r, g, b, x, y, z, alpha, _] =
-            Floats::gather_eights(scene.rows.as_flattened(), part.shift_left::<4>() + 8);
-        let speculars = if C::LOBES { kind.is(Kind::Specular as u32).bits() & alive } else { 0 };
-        let others = if C::LOBES { kind.is(Kind::Other as u32).bits() & alive } else { 0 };
-        Self {
+            Floats::gather_eights(lanes.rows.as_flattened(), part.shift_left::<4>() + 8);
+        let mut this = Self {
             color: Vectors::new(r, g, b),
             specular: Vectors::new(x, y, z),
             alpha,
-            substrate: if C::LOBES { kind.is(Kind::Substrate as u32) } else { Mask::splat(s, false) },
-            others: others | speculars,
-            speculars,
-            part,
+            substrate: Mask::splat(s, false),
+            others: 0,
+            speculars: 0,
+            at,
             front: front.bits(),
+        };
+        if C::LOBES {
+            let scatters = kind & KIND;
+            this.substrate = scatters.is(Kind::Substrate as u32);
+            this.speculars = scatters.is(Kind::Specular as u32).bits() & alive;
+            this.others = this.speculars | scatters.is(Kind::Other as u32).bits() & alive;
         }
+        if C::TEXTURED {
+            let varies = (kind & VARIES).is(VARIES).bits() & alive & !this.others;
+            if varies != 0 {
+                this = this.varied::<C>(s, scene, varies);
+            }
+        }
+        this
+    }
+
+    /// With what textures say in lanes `asked`.
+    #[inline(never)]
+    fn varied<C: Class>(self, s: S, scene: &RenderScene, asked: u32) -> Self {
+        s.vectorize(
+            #[inline(always)]
+            || {
+                let places = self.at.store();
+                let (mut color, mut specular) = (self.color.store(), self.specular.store());
+                let mut alpha = self.alpha.store();
+                for lane in Lanes(asked) {
+                    match places.bsdf::<C>(scene, lane, self.front) {
+                        Bsdf::Matte(reflectance) => set(&mut color, lane, reflectance.to_array()),
+                        Bsdf::Substrate(substrate) => {
+                            set(&mut color, lane, substrate.diffuse.to_array());
+                            set(&mut specular, lane, substrate.specular.to_array());
+                            alpha.0[lane] = substrate.alpha;
+                        }
+                        _ => {}
+                    }
+                }
+                Self {
+                    color: Vectors::load(s, &color),
+                    specular: Vectors::load(s, &specular),
+                    alpha: Floats::load(s, &alpha),
+                    ..self
+                }
+            },
+        )
     }
 
     /// [`Bsdf::eval`] for lanes `asked`.
@@ -197,13 +303,6 @@ impl<S: Simd> BsdfLanes<S> {
         Vectors::new(sin * x, sin * y, cos)
     }
 
-    /// What the material of a lane is there.
-    #[inline(always)]
-    fn one<C: Class>(scene: &RenderScene, part: u32, front: bool) -> Bsdf {
-        let material = &scene.materials[scene.geometry.parts[part as usize].material as usize];
-        resolve::<_, C>(scene, &material.bsdf, &Attributes::NONE, front, 0.0, &mut NoProbe)
-    }
-
     #[cold]
     #[inline(never)]
     fn eval_others<C: Class>(
@@ -217,10 +316,10 @@ impl<S: Simd> BsdfLanes<S> {
         s.vectorize(
             #[inline(always)]
             || {
-                let (part, wo, wi) = (self.part.store(), wo.store(), wi.store());
+                let (places, wo, wi) = (self.at.store(), wo.store(), wi.store());
                 let (mut f_cos, mut pdf) = (f_cos.store(), pdf.store());
                 for lane in Lanes(asked) {
-                    let bsdf = Self::one::<C>(scene, part.0[lane], self.front >> lane & 1 != 0);
+                    let bsdf = places.bsdf::<C>(scene, lane, self.front);
                     let (f, p) = bsdf.eval(vector(&wo, lane), vector(&wi, lane));
                     set(&mut f_cos, lane, f.to_array());
                     pdf.0[lane] = p;
@@ -244,13 +343,13 @@ impl<S: Simd> BsdfLanes<S> {
         s.vectorize(
             #[inline(always)]
             || {
-                let (part, wo) = (self.part.store(), wo.store());
+                let (places, wo) = (self.at.store(), wo.store());
                 let (lobe, v) = (lobe.store(), v.store());
                 let (mut wi, mut weight) = (sample.wi.store(), sample.weight.store());
                 let (mut pdf, mut eta_scale) = (sample.pdf.store(), sample.eta_scale.store());
                 let mut there = sample.there & !asked;
                 for lane in Lanes(asked) {
-                    let bsdf = Self::one::<C>(scene, part.0[lane], self.front >> lane & 1 != 0);
+                    let bsdf = places.bsdf::<C>(scene, lane, self.front);
                     let (choice, u) = bsdf.choose_lobe(lobe.0[lane]);
                     let Some(one) = bsdf.sample(vector(&wo, lane), choice, Vec2::new(u, v.0[lane])) else {
                         continue;

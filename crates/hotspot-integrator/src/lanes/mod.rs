@@ -16,16 +16,16 @@ mod tests;
 mod tree;
 
 use crate::camera::FilmCamera;
-use crate::class::SceneClass;
+use crate::check::visit_shaded_textures;
 use crate::geometry::{Part, SurfacePoint};
 use crate::light::LightLanes;
 use crate::scene::RenderScene;
-use bsdf::Kind;
+use bsdf::{BUMPY, Kind, VARIES};
 use glam::Vec3;
 use hotspot_bvh::few::FewTriangles;
 use hotspot_bvh::simd::{Doubles, F8, Floats, Integers, Mask, Simd, Vectors};
 use hotspot_probe::NONE;
-use hotspot_scene::{Bsdf, Material};
+use hotspot_scene::{Alpha, Bsdf, Material};
 pub(crate) use path::{SampleList, View, trace_samples};
 pub(crate) use sampler::points_table;
 
@@ -56,25 +56,29 @@ struct PartLanes<S: Simd> {
     /// [`Part::smooth`]; normals are at [`NONE`] where there are none.
     corners_at: Integers<S>,
     normals_at: Integers<S>,
-    /// [`Kind`].
+    /// [`Kind`], and what is added to it.
     kind: Integers<S>,
 }
 
 impl LaneScene {
-    /// `None` for scenes of other classes than matte and lobes. All triangles are tried where there are at most
-    /// [`FewTriangles::MOST`], of regular shape, and no environment; unless a parallel camera looks along one: all of its rays would be
-    /// doubtful.
+    /// `None` for scenes that hold what lanes do not know: instances, lights without area, environment maps, materials that are mixed, unlit
+    /// or absorb, and emission that is textured or cut out. All triangles are tried where there are at most [`FewTriangles::MOST`], of regular
+    /// shape and opaque, and no environment; unless a parallel camera looks along one: all of its rays would be doubtful.
     pub(crate) fn new(scene: &RenderScene, camera: &FilmCamera) -> Option<Self> {
         let geometry = &scene.geometry;
-        if !matches!(scene.class(), SceneClass::Matte | SceneClass::Lobes) || geometry.triangles.is_empty() {
+        if geometry.part_of.is_empty() || scene.bvh.instance_count() > 0 {
             return None;
         }
         let lights = LightLanes::new(&scene.lights, geometry, &scene.materials)?;
-        let few =
-            if lights.has_sky() { None } else { FewTriangles::new(&geometry.triangles, camera.reach()) };
+        let few = if lights.has_sky() || scene.cutouts.any() {
+            None
+        } else {
+            FewTriangles::new(&geometry.triangles, camera.reach())
+        };
         let few =
             few.filter(|few| !camera.parallel_direction().is_some_and(|direction| few.has_along(direction)));
-        let rows = geometry.parts.iter().map(|part| row(part, &scene.materials[part.material as usize]));
+        let rows: Option<Vec<_>> =
+            geometry.parts.iter().map(|part| row(part, &scene.materials[part.material as usize])).collect();
         let flat_normals = few.as_ref().and_then(|_| {
             let all = (0..geometry.triangles.len() as u32).map(|t| match geometry.corner_normals(t) {
                 None => Some([0.0; 3]),
@@ -89,7 +93,7 @@ impl LaneScene {
         Some(Self {
             few,
             lights,
-            rows: rows.collect(),
+            rows: rows?,
             smooth: geometry.parts.iter().any(|part| part.smooth().is_some()),
             flat_normals,
         })
@@ -111,12 +115,24 @@ impl LaneScene {
     }
 }
 
-/// A part's row.
-fn row(part: &Part, material: &Material) -> [f32; ROW] {
+/// A part's row; `None` where lanes do not know its material.
+fn row(part: &Part, material: &Material) -> Option<[f32; ROW]> {
+    if material.is_emissive() && (material.emission.texture.is_some() || material.alpha != Alpha::Opaque) {
+        return None;
+    }
     let [corners, normals] = part.smooth().unwrap_or([0, NONE]).map(f32::from_bits);
     let two_sided = f32::from_bits(material.double_sided.into());
     let [r, g, b] = material.emission.factor;
-    let kind = f32::from_bits(Kind::of(&material.bsdf) as u32);
+    let mut kind = Kind::of(&material.bsdf)? as u32;
+    let mut textured = part.has_colors();
+    visit_shaded_textures(material, &mut |_| textured = true);
+    if textured {
+        kind |= VARIES;
+    }
+    if part.has_tangents() && material.normal_map.is_some() {
+        kind |= BUMPY;
+    }
+    let kind = f32::from_bits(kind);
     let mut row = [0.0; ROW];
     row[..8].copy_from_slice(&[part.light_pdf_area, r, g, b, two_sided, corners, normals, kind]);
     // As `resolve` has it without textures.
@@ -130,7 +146,7 @@ fn row(part: &Part, material: &Material) -> [f32; ROW] {
         }
         _ => {}
     }
-    row
+    Some(row)
 }
 
 /// [`SurfacePoint`]s in lanes.

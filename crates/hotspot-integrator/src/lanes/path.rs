@@ -4,17 +4,21 @@
 //! eight wait, eight new samples are taken one segment instead; so lanes stay busy to the end of the list. What every lane can do is done
 //! for all of them; what few need (doubtful rays, points at edges) is done one by one, by the same code as for single paths.
 
-use super::bsdf::BsdfLanes;
+use super::bsdf::{At, BUMPY, BsdfLanes};
 use super::math::{FrameLanes, facing, max_element, power_heuristic};
 use super::sampler::Points;
-use super::{LaneScene, Lanes, PartLanes, PointLanes, tree, triangle_error};
+use super::{LaneScene, Lanes, PartLanes, PointLanes, set, tree, triangle_error, vector};
 use crate::camera::FilmCamera;
-use crate::class::Class;
+use crate::class::{Class, Feature, MatteClass, has};
 use crate::light::{LightSamples, ViewpointLanes};
 use crate::path::PathSettings;
 use crate::roulette::LEAST_BASE;
 use crate::scene::RenderScene;
-use hotspot_bvh::few::{Hits, Rays};
+use crate::surface::bumped;
+use hotspot_bvh::NoProbe;
+use hotspot_bvh::few::Hits;
+use hotspot_bvh::lanes::Nearest;
+use hotspot_bvh::rays::Rays;
 use hotspot_bvh::simd::{Floats, Integers, Mask, Simd, U8, Vectors};
 use hotspot_probe::NONE;
 
@@ -117,22 +121,41 @@ pub(crate) fn trace_samples<S: Simd, C: Class>(
     found.resize(list.len(), [0.0; 3]);
     let mut pool = Pool([[0.0; WAITING]; LISTS]);
     let (mut waiting, mut next) = (0, 0);
+    let mut held: Option<(Paths<S>, Nearest<S>, usize)> = None;
     loop {
-        let fresh = waiting < 8 && next < list.len();
-        let (mut paths, count) = if fresh {
-            let first = next;
-            next = list.len().min(next + 8);
-            (Paths::starting(s, view, list, first as u32), next - first)
-        } else {
+        let mut known = None;
+        let (mut paths, count) = if waiting >= 8 || (next == list.len() && held.is_none()) {
             let count = waiting.min(8);
             waiting -= count;
             (Paths::read::<C>(s, view, &pool, waiting), count)
+        } else if let Some((paths, nearest, count)) = held.take() {
+            known = Some(nearest);
+            (paths, count)
+        } else {
+            let first = next;
+            next = list.len().min(next + 8);
+            let paths = Paths::starting(s, view, list, first as u32);
+            if view.packets && view.lanes.few.is_none() {
+                // Camera rays go sixteen at a time; the second eight paths wait for their turn.
+                let second = next;
+                next = list.len().min(next + 8);
+                let others = Paths::starting(s, view, list, second as u32);
+                let rays = [&paths.rays, &others.rays];
+                let [here, there] = tree::nearest_of_camera(s, view.scene, rays, next - first);
+                known = Some(here);
+                if next > second {
+                    held = Some((others, there, next - second));
+                }
+                (paths, second - first)
+            } else {
+                (paths, next - first)
+            }
         };
         if count == 0 {
             return;
         }
         let all = (1 << count) - 1;
-        let alive = paths.step::<C>(s, view, all, fresh);
+        let alive = paths.step::<C>(s, view, all, known);
         let ended = all & !alive;
         if ended != 0 {
             let (numbers, [x, y, z]) = (paths.number.store(), paths.radiance.store());
@@ -295,13 +318,13 @@ impl<S: Simd> Paths<S> {
         }
     }
 
-    /// One segment further: from the present rays to their hits, and on. The lanes that go on. `fresh`: the rays are camera rays.
+    /// One segment further: from the present rays to their hits, `known` where they are, and on. The lanes that go on.
     #[inline(always)]
-    fn step<C: Class>(&mut self, s: S, view: &View<'_>, mut alive: u32, fresh: bool) -> u32 {
+    fn step<C: Class>(&mut self, s: S, view: &View<'_>, mut alive: u32, known: Option<Nearest<S>>) -> u32 {
         let View { scene, lanes, .. } = *view;
         let learned = if C::LEARNED { view.settings.learned } else { None };
         let zero = Floats::splat(s, 0.0);
-        let hits = self.hits(s, view, alive, fresh);
+        let hits = self.hits::<C>(s, view, alive, known);
         let escaped = alive & !hits.found;
         if escaped != 0
             && let Some((sky, mut pdf)) = lanes.lights.escaped(s, self.scattered_cos)
@@ -354,10 +377,18 @@ impl<S: Simd> Paths<S> {
         let [u, v, light @ ..] = self.points.segment(s, following);
         let smooth = shading_normals(s, view, &surface, &hits);
         let front = zero.less_equal(wo.dot(smooth));
-        let frame = FrameLanes::new(s, smooth.or_where_not(front, -smooth));
+        let at = At { primitive, u: hits.u, v: hits.v };
+        let mut normal = smooth.or_where_not(front, -smooth);
+        if C::TEXTURED {
+            let bumpy = (surface.kind & BUMPY).is(BUMPY).bits() & alive;
+            if bumpy != 0 {
+                normal = bumped_normals::<S, C>(s, scene, &at, [smooth, wo, normal], bumpy);
+            }
+        }
+        let frame = FrameLanes::new(s, normal);
         let local_wo = frame.to_local(wo);
         let point = points(s, view, &hits, alive);
-        let bsdf = BsdfLanes::new::<C>(s, lanes, (part, surface.kind), front, alive);
+        let bsdf = BsdfLanes::new::<C>(s, (lanes, scene), (part, surface.kind), at, front, alive);
         let viewpoint = ViewpointLanes { p: point.p, n: frame.n, outlook };
         let vertex = Vertex { primitive, geometric, frame, local_wo, point, viewpoint, bsdf };
         let lit = alive & !bsdf.speculars;
@@ -397,12 +428,29 @@ impl<S: Simd> Paths<S> {
         alive
     }
 
+    /// What rays are told apart by where surfaces are not there everywhere; `shadow`: 1 for shadow rays.
+    #[inline(always)]
+    fn ray_keys<C: Class>(&self, s: S, shadow: u32) -> Integers<S> {
+        if has::<C>(Feature::Cutouts) {
+            self.points.ray_key(self.bounces.shift_left::<1>() + shadow)
+        } else {
+            Integers::splat(s, 0)
+        }
+    }
+
     /// What the rays hit.
     #[inline(always)]
-    fn hits(&self, s: S, view: &View<'_>, active: u32, fresh: bool) -> Hits<S> {
+    fn hits<C: Class>(&self, s: S, view: &View<'_>, active: u32, known: Option<Nearest<S>>) -> Hits<S> {
         let View { scene, lanes, .. } = *view;
         let Some(few) = &lanes.few else {
-            return tree::closest_hits(s, scene, &self.rays, self.from, active, fresh && view.packets);
+            let nearest = match known {
+                Some(nearest) => nearest,
+                None => {
+                    let keys = self.ray_keys::<C>(s, 0);
+                    tree::nearest::<S, C>(s, scene, &self.rays, self.from, keys, active)
+                }
+            };
+            return tree::hits(s, scene, &self.rays, nearest);
         };
         let hits = few.closest_hits(s, &self.rays, self.from, active);
         if hits.doubtful == 0 { hits } else { hits_of_doubtful(s, view, self, &hits) }
@@ -478,7 +526,8 @@ impl<S: Simd> Paths<S> {
             dark = blocked.surely;
             if blocked.doubtful != 0 {
                 let t_max = Floats::splat(s, 1.0);
-                dark |= tree::blocked(s, scene, &rays, t_max, ends, blocked.doubtful);
+                let keys = Integers::splat(s, 0);
+                dark |= tree::blocked::<S, MatteClass>(s, scene, &rays, t_max, ends, keys, blocked.doubtful);
             }
         } else {
             let mut t_max = Floats::splat(s, 1.0);
@@ -488,7 +537,8 @@ impl<S: Simd> Paths<S> {
                 t_max = sky.select(Floats::splat(s, f32::INFINITY), t_max);
                 ends[1] = Integers::splat(s, NONE).or_where_not(sky, ends[1]);
             }
-            dark = tree::blocked(s, scene, &rays, t_max, ends, lit);
+            let keys = self.ray_keys::<C>(s, 1);
+            dark = tree::blocked::<S, C>(s, scene, &rays, t_max, ends, keys, lit);
         }
         let weight = power_heuristic(s, light.pdf, pdf) / light.pdf;
         let direct = (f_cos * light.emission).scaled(weight);
@@ -526,6 +576,32 @@ fn normals_at<S: Simd>(normals: &[f32], index: Integers<S>) -> Vectors<S> {
     Vectors::gather(normals, index.shift_left::<1>() + index)
 }
 
+/// [`bumped`] in lanes `asked`; in others the third vectors, shading normals on the paths' sides.
+#[inline(never)]
+fn bumped_normals<S: Simd, C: Class>(
+    s: S,
+    scene: &RenderScene,
+    at: &At<S>,
+    [smooth, wo, normal]: [Vectors<S>; 3],
+    asked: u32,
+) -> Vectors<S> {
+    s.vectorize(
+        #[inline(always)]
+        || {
+            let (places, smooth, wo) = (at.store(), smooth.store(), wo.store());
+            let mut normal = normal.store();
+            for lane in Lanes(asked) {
+                let (surface, attributes) = places.surface::<C>(scene, lane);
+                let weights = places.weights(lane);
+                let (smooth, wo) = (vector(&smooth, lane), vector(&wo, lane));
+                let bumped = bumped(scene, surface, weights, &attributes, smooth, wo, &mut NoProbe);
+                set(&mut normal, lane, bumped.to_array());
+            }
+            Vectors::load(s, &normal)
+        },
+    )
+}
+
 /// [`Geometry::point`](crate::geometry::Geometry::point) for lanes `alive`.
 #[inline(always)]
 fn points<S: Simd>(s: S, view: &View<'_>, hits: &Hits<S>, alive: u32) -> PointLanes<S> {
@@ -550,7 +626,11 @@ fn hits_of_doubtful<S: Simd>(s: S, view: &View<'_>, paths: &Paths<S>, hits: &Hit
     s.vectorize(
         #[inline(always)]
         || {
-            let found = tree::closest_hits(s, view.scene, &paths.rays, paths.from, hits.doubtful, false);
+            // Few triangles are all there.
+            let keys = Integers::splat(s, 0);
+            let nearest =
+                tree::nearest::<S, MatteClass>(s, view.scene, &paths.rays, paths.from, keys, hits.doubtful);
+            let found = tree::hits(s, view.scene, &paths.rays, nearest);
             let sure = Mask::of_bits(s, !hits.doubtful);
             let [a, b, c] = hits.corners;
             let [d, e, f] = found.corners;

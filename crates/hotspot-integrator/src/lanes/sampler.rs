@@ -43,6 +43,13 @@ impl<S: Simd> Points<S> {
         dimension(s, high, low, self.base(set), 1)
     }
 
+    /// [`Sampler::ray_key`](crate::sampler::Sampler::ray_key).
+    #[inline(always)]
+    pub(super) fn ray_key(self, ray: Integers<S>) -> Integers<S> {
+        let pixel = mix(mix(self.key ^ 0x6c07_8965) ^ 0x9e37_79b9);
+        hash_with(ray, hash_with(self.index, pixel))
+    }
+
     #[inline(always)]
     fn seed(self, set: Integers<S>) -> Integers<S> {
         mix(self.key ^ (set * 0x9e37_79b9))
@@ -93,6 +100,12 @@ fn mix<S: Simd>(x: Integers<S>) -> Integers<S> {
     x ^ x.shift_right::<16>()
 }
 
+/// [`crate::sampler::hash`].
+#[inline(always)]
+fn hash_with<S: Simd>(word: Integers<S>, state: Integers<S>) -> Integers<S> {
+    mix((word + 0x9e37_79b9) ^ mix(state))
+}
+
 /// `sobol_burley::parts::hash`.
 #[inline(always)]
 fn hash<S: Simd>(x: Integers<S>) -> Integers<S> {
@@ -117,14 +130,15 @@ mod tests {
     struct Numbers([u32; 8], [u32; 8], [u32; 8]);
 
     impl WithSimd for Numbers {
-        type Output = [[f32; 8]; 9];
+        type Output = ([[f32; 8]; 9], [u32; 8]);
         #[inline(always)]
         fn run<S: Simd>(self, s: S) -> Self::Output {
             let [key, index, vertex] = [self.0, self.1, self.2].map(|n| Integers::load(s, &U8(n)));
             let points = Points { key, index, table: points_table() };
             let [a, b, c, d] = points.segment(s, vertex);
             let [e, f, g, h] = points.camera(s);
-            [a, b, c, d, e, f, g, h, points.roulette(s, vertex)].map(|n| n.store().0)
+            let numbers = [a, b, c, d, e, f, g, h, points.roulette(s, vertex)].map(|n| n.store().0);
+            (numbers, points.ray_key(vertex).store().0)
         }
     }
 
@@ -139,12 +153,13 @@ mod tests {
                 let index = core::array::from_fn(|lane| of(lane).wrapping_mul(40_503) & 0xffff);
                 let vertex = core::array::from_fn(|lane| 1 + of(lane) % 23);
                 let key = core::array::from_fn(|lane| pixels[lane].key());
-                let numbers = dispatch(isa, Numbers(key, index, vertex));
+                let (numbers, keys) = dispatch(isa, Numbers(key, index, vertex));
                 for lane in 0..8 {
                     let sampler = pixels[lane].sample(index[lane].into());
                     let segment = sampler.get(Dimensions::segment(vertex[lane]));
                     let camera = sampler.get(Dimensions::segment(0));
                     let roulette = sampler.get(Dimensions::choices(vertex[lane]))[1];
+                    assert_eq!(keys[lane], sampler.ray_key(vertex[lane]), "round {round}, lane {lane}");
                     let expected = [segment, camera].concat();
                     let found: Vec<f32> = numbers[..8].iter().map(|n| n[lane]).collect();
                     assert_eq!((found, numbers[8][lane]), (expected, roulette), "round {round}, lane {lane}");

@@ -7,7 +7,8 @@ use crate::sampler::SamplerKind;
 use crate::scene::{PrepareOptions, RenderScene};
 use crate::{BuildOptions, Isa};
 use hotspot_scene::{
-    Camera, Color, Environment, Instance, Material, Mesh, Object, Projection, Scalar, Scene,
+    Camera, Channel, Color, Environment, Instance, Material, Mesh, NormalMap, Object, Projection, Scalar,
+    Scene, Texture, TextureRef, Wrap,
 };
 
 /// The sides of a box that is skewed and turned a little, where `open` does not leave one out.
@@ -380,6 +381,81 @@ fn trees_serve_where_few_triangles_do_not() {
     }
 }
 
+/// A texture of random texels, among them holes.
+fn texture(scene: &mut Scene, random: &mut Random) -> TextureRef {
+    let texels =
+        (0..16 * 4).map(|i| if i % 4 == 3 && i % 3 == 0 { 0 } else { (random.unit() * 255.0) as u8 });
+    let rgba: Vec<u8> = texels.collect();
+    scene.textures.push(Texture { name: "texture".into(), width: 4, height: 4, rgba: rgba.into() });
+    TextureRef {
+        texture: scene.textures.len() as u32 - 1,
+        wrap: [Wrap::Repeat, Wrap::Mirror],
+        nearest: false,
+        transform: [[2.0, 0.5, 0.1], [-0.3, 1.7, 0.2]],
+        second_uvs: false,
+    }
+}
+
+/// Textures on every material, colours of vertices, bumps, and surfaces that are not there everywhere, under lamps and sky.
+#[test]
+fn textured_pictures_are_those_of_single_paths() {
+    use hotspot_scene::{Alpha, Bsdf};
+    let mut lit = 0;
+    for index in 0..8u64 {
+        let mut random = Random(index + 99);
+        let mut scene = room(index, 1.0);
+        let reference = texture(&mut scene, &mut random);
+        let color = Color { factor: [0.9, 0.8, 1.0], texture: Some(reference) };
+        let number = |factor, channel| Scalar { factor, texture: Some((reference, channel)) };
+        let bsdf = match index % 5 {
+            0 => Bsdf::Matte { reflectance: color },
+            1 => Bsdf::Substrate {
+                diffuse: color,
+                specular: Color::constant([0.3; 3]),
+                specular_weight: number(1.0, Channel::B),
+                roughness: number(0.7, Channel::G),
+            },
+            2 => Bsdf::RoughMetal { f0: color, roughness: number(0.6, Channel::R) },
+            3 => Bsdf::Mirror { reflectance: color },
+            _ => Bsdf::Glass { ior: 1.4, thin: index < 5, transmittance: color, absorption: [0.0; 3] },
+        };
+        let mut mesh = ball([0.55, 0.5, 0.55], 0.3, 8);
+        mesh.uvs = Some(mesh.positions.iter().map(|[x, y, z]| [3.0 * x + z, 2.0 * y]).collect());
+        if index % 2 == 0 {
+            mesh.colors = Some(mesh.positions.iter().map(|[x, y, z]| [*x, *y, *z, 0.9]).collect());
+        }
+        let bumpy = index % 3 != 2;
+        if bumpy {
+            let around = |[x, y, z]: [f32; 3]| {
+                let length = (z * z + x * x).sqrt().max(1e-6);
+                [z / length, 0.0 * y, -x / length, if x > 0.55 { 1.0 } else { -1.0 }]
+            };
+            mesh.tangents = Some(mesh.normals.iter().flatten().map(|n| around(*n)).collect());
+        }
+        add_ball(&mut scene, "ball", mesh, bsdf, [0.0; 3]);
+        let material = scene.materials.last_mut().expect("one was added");
+        material.normal_map = bumpy.then_some(NormalMap { texture: reference, scale: 0.7 });
+        material.alpha = match index % 3 {
+            0 => Alpha::Opaque,
+            1 => Alpha::Mask { cutoff: 0.4, alpha: number(1.0, Channel::A) },
+            _ => Alpha::Blend { alpha: number(0.8, Channel::A) },
+        };
+        // Of few triangles too.
+        scene.materials[1].bsdf = Bsdf::Matte { reflectance: color };
+        scene.meshes[1].uvs = Some(scene.meshes[1].positions.iter().map(|[x, _, z]| [*x, *z]).collect());
+        if index > 3 {
+            scene.environment = Some(Environment::Constant([0.4, 0.5, 0.9]));
+        }
+        let mut wanted = settings(9);
+        wanted.seed = index;
+        wanted.light_choice = if index % 4 > 1 { LightChoice::Learned } else { LightChoice::Power };
+        lit += agree(&format!("textured {index}"), &scene, &wanted, &camera(1.0, false));
+        scene.instances.pop();
+        lit += agree(&format!("few, textured {index}"), &scene, &wanted, &camera(1.0, false));
+    }
+    assert!(lit > 9000, "{lit} pixels are lit");
+}
+
 /// What lanes do not know goes path by path, and says so.
 #[test]
 fn other_scenes_go_path_by_path() {
@@ -391,15 +467,29 @@ fn other_scenes_go_path_by_path() {
     let few = settings(1);
     assert!(goes(&scene, &few));
 
-    let mut textured = scene.clone();
-    textured.meshes[0].colors = Some(vec![[0.5, 1.0, 0.5, 1.0]; textured.meshes[0].positions.len()]);
+    let mut random = Random(1);
+    let mut glowing = scene.clone();
+    let emission = Color { factor: [3.0; 3], texture: Some(texture(&mut glowing, &mut random)) };
+    glowing.materials[3].emission = emission;
+    let mut torn = scene.clone();
+    torn.materials[3].alpha = hotspot_scene::Alpha::Blend { alpha: Scalar::constant(0.5) };
+    let mut absorbing = scene.clone();
+    absorbing.materials[1].bsdf = hotspot_scene::Bsdf::Glass {
+        ior: 1.5,
+        thin: false,
+        transmittance: Color::constant([1.0; 3]),
+        absorption: [0.0, 0.1, 0.0],
+    };
+    let mut unlit = scene.clone();
+    unlit.materials[1].bsdf = hotspot_scene::Bsdf::Unlit { color: Color::constant([0.5; 3]) };
     let mut mixed = scene.clone();
     mixed.materials[0].bsdf = hotspot_scene::Bsdf::Mix {
         weight: Scalar::constant(0.5),
         base: Box::new(substrate([0.5; 3], 0.1, 0.2)),
         other: Box::new(substrate([0.1; 3], 0.1, 0.2)),
     };
-    for (name, other) in [("colours", textured), ("mix", mixed)] {
+    let others = [glowing, torn, absorbing, unlit, mixed];
+    for (name, other) in ["glowing", "torn", "absorbing", "unlit", "mixed"].iter().zip(others) {
         assert!(!goes(&other, &few), "{name}");
     }
 

@@ -7,7 +7,8 @@ use crate::geometry::Geometry;
 use crate::lanes::math::FrameLanes;
 use crate::lanes::{Lanes, set, vector};
 use crate::math::Frame;
-use hotspot_bvh::few::{Hits, Rays};
+use hotspot_bvh::few::Hits;
+use hotspot_bvh::rays::Rays;
 use hotspot_bvh::simd::{F8, Floats, Integers, Simd, U8, Vectors};
 use hotspot_bvh::{Hit, NO_INSTANCE, Ray};
 

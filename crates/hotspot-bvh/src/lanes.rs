@@ -1,0 +1,224 @@
+//! Rays of eight lanes that search the tree, each by itself.
+//!
+//! What a ray needs before its first visit (reciprocals, shears, the order of axes) and what its hit needs after the last (weights, normal) is
+//! computed for all of them at once, in between each runs through the traversal of single rays; so hits are those of single rays, bit
+//! for bit.
+
+use crate::Bvh;
+use crate::few::{LongestAxis, difference, dot, edge_weights, widened};
+use crate::filter::Filter;
+use crate::node::Child;
+use crate::packet::{PACKET, nearest_of_packet};
+use crate::ray::Ray;
+use crate::rays::Rays;
+use crate::simd::{F8, Floats, Integers, Simd, U8, Vectors};
+use crate::traverse::{any_of_frame, closest_of_frame};
+use crate::triangle::{CYCLES, FAR_QUANTA, FAR_SCALE, RayFrame};
+use hotspot_probe::NoProbe;
+
+/// What rays hit first.
+#[derive(Clone, Copy)]
+pub struct Nearest<S: Simd> {
+    /// Rays that hit anything, as bits: the other fields say what. Of other lanes they hold anything.
+    pub found: u32,
+    /// Index of the triangle.
+    pub primitive: Integers<S>,
+    /// Distance in lengths of the ray's direction.
+    pub t: Floats<S>,
+}
+
+/// [`RayFrame`]s in memory.
+struct Frames {
+    origin: [F8; 3],
+    direction: [F8; 3],
+    inverse: [F8; 3],
+    inverse_far: [F8; 3],
+    origin_k: [F8; 3],
+    direction_k: [F8; 3],
+    shear: [F8; 2],
+    /// The last axis.
+    last: U8,
+    /// Lanes whose ray is finite.
+    finite: u32,
+}
+
+impl Frames {
+    #[inline(always)]
+    fn new<S: Simd>(s: S, rays: &Rays<S>) -> Self {
+        let Rays { origin: o, direction: d } = *rays;
+        let one = Floats::splat(s, 1.0);
+        let inverse = Vectors::new(one / d.x, one / d.y, one / d.z);
+        let axes = LongestAxis::of(d);
+        let (origin_k, direction_k) = (axes.permuted(o), axes.permuted(d));
+        let zero = Floats::splat(s, 0.0);
+        let sum = zero * o.x + zero * o.y + zero * o.z + zero * d.x + zero * d.y + zero * d.z;
+        Self {
+            origin: o.store(),
+            direction: d.store(),
+            inverse: inverse.store(),
+            inverse_far: [far(s, inverse.x).store(), far(s, inverse.y).store(), far(s, inverse.z).store()],
+            origin_k: origin_k.store(),
+            direction_k: direction_k.store(),
+            shear: [(direction_k.x / direction_k.z).store(), (direction_k.y / direction_k.z).store()],
+            last: axes.number(s).store(),
+            finite: sum.is(0.0).bits(),
+        }
+    }
+
+    #[inline(always)]
+    fn frame(&self, lane: usize, t_max: f32) -> RayFrame {
+        let (origin, direction) = (vector(&self.origin, lane), vector(&self.direction, lane));
+        let [dx, dy, dz] = direction;
+        RayFrame {
+            ray: Ray { t_max, ..Ray::new(origin, direction) },
+            inverse: vector(&self.inverse, lane),
+            inverse_far: vector(&self.inverse_far, lane),
+            down: [dx.is_sign_negative(), dy.is_sign_negative(), dz.is_sign_negative()],
+            k: CYCLES[self.last.0[lane] as usize & 3],
+            origin_k: vector(&self.origin_k, lane),
+            direction_k: vector(&self.direction_k, lane),
+            shear: [self.shear[0].0[lane], self.shear[1].0[lane]],
+        }
+    }
+}
+
+/// [`reciprocal_far`](crate::triangle::reciprocal_far).
+#[inline(always)]
+fn far<S: Simd>(s: S, inverse: Floats<S>) -> Floats<S> {
+    inverse * FAR_SCALE + Floats::splat(s, FAR_QUANTA).copysign(inverse)
+}
+
+#[inline(always)]
+fn vector(vectors: &[F8; 3], lane: usize) -> [f32; 3] {
+    [vectors[0].0[lane], vectors[1].0[lane], vectors[2].0[lane]]
+}
+
+impl Bvh {
+    /// What the rays of lanes `active` (as bits) hit first in a tree without instances, but for the triangles `from`, of what each lane's
+    /// filter accepts: as [`Bvh::closest_hit_filtered`] finds it; [`details`] has the rest.
+    ///
+    /// # Panics
+    /// May panic where the tree has instances.
+    #[inline(always)]
+    pub fn closest_of_lanes<S: Simd, F: Filter + Copy>(
+        &self,
+        s: S,
+        rays: &Rays<S>,
+        from: Integers<S>,
+        filters: &[F; 8],
+        active: u32,
+    ) -> Nearest<S> {
+        let (frames, from) = (Frames::new(s, rays), from.store());
+        let (mut found, mut primitive, mut t) = (0, U8([0; 8]), F8([0.0; 8]));
+        let mut left = if self.root == Child::EMPTY { 0 } else { active & frames.finite };
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize & 7;
+            left &= left - 1;
+            let frame = frames.frame(lane, f32::INFINITY);
+            let mut filter = filters[lane];
+            let best = closest_of_frame::<S, NoProbe, F, false, 1>(
+                s,
+                self,
+                &frame,
+                [from.0[lane]],
+                &mut filter,
+                &mut NoProbe,
+            );
+            found |= u32::from(best.found) << lane;
+            (primitive.0[lane], t.0[lane]) = (best.primitive, best.t);
+        }
+        Nearest { found, primitive: Integers::load(s, &primitive), t: Floats::load(s, &t) }
+    }
+
+    /// What the first `count` rays of two times eight hit first in a tree without instances, where they run close together, as the camera
+    /// rays of a pixel do: as [`Bvh::closest_hits_flat`] finds it.
+    ///
+    /// # Panics
+    /// May panic where the tree has instances.
+    #[inline(always)]
+    pub fn closest_of_packet_in_lanes<S: Simd>(
+        &self,
+        s: S,
+        rays: [&Rays<S>; 2],
+        count: usize,
+    ) -> [Nearest<S>; 2] {
+        let mut all = [Ray::new([0.0; 3], [0.0; 3]); PACKET];
+        for (half, rays) in all.chunks_exact_mut(8).zip(rays) {
+            let (origin, direction) = (rays.origin.store(), rays.direction.store());
+            for (lane, ray) in half.iter_mut().enumerate() {
+                *ray = Ray::new(vector(&origin, lane), vector(&direction, lane));
+            }
+        }
+        let mut hits = [None; PACKET];
+        nearest_of_packet(s, self, &all[..count], &mut hits[..count]);
+        let (mut found, mut primitive, mut t) = ([0; 2], [U8([0; 8]); 2], [F8([0.0; 8]); 2]);
+        for (index, hit) in hits.iter().enumerate() {
+            if let Some((triangle, distance)) = hit {
+                let (half, lane) = (index / 8, index % 8);
+                found[half] |= 1 << lane;
+                (primitive[half].0[lane], t[half].0[lane]) = (*triangle, *distance);
+            }
+        }
+        [
+            Nearest {
+                found: found[0],
+                primitive: Integers::load(s, &primitive[0]),
+                t: Floats::load(s, &t[0]),
+            },
+            Nearest {
+                found: found[1],
+                primitive: Integers::load(s, &primitive[1]),
+                t: Floats::load(s, &t[1]),
+            },
+        ]
+    }
+
+    /// The rays of lanes `active` that are blocked before `t_max` in a tree without instances, by what each lane's filter accepts but for two
+    /// triangles of each: as [`Bvh::occluded_filtered`] says.
+    ///
+    /// # Panics
+    /// May panic where the tree has instances.
+    #[inline(always)]
+    pub fn occluded_lanes<S: Simd, F: Filter + Copy>(
+        &self,
+        s: S,
+        rays: &Rays<S>,
+        t_max: Floats<S>,
+        except: [Integers<S>; 2],
+        filters: &[F; 8],
+        active: u32,
+    ) -> u32 {
+        let (frames, t_max) = (Frames::new(s, rays), t_max.store());
+        let (from, to) = (except[0].store(), except[1].store());
+        let mut left = if self.root == Child::EMPTY { 0 } else { active & frames.finite };
+        let mut occluded = 0;
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize & 7;
+            left &= left - 1;
+            let frame = frames.frame(lane, t_max.0[lane]);
+            let except = [from.0[lane], to.0[lane]];
+            let mut filter = filters[lane];
+            let hit =
+                any_of_frame::<S, NoProbe, F, false, 2>(s, self, &frame, except, &mut filter, &mut NoProbe);
+            occluded |= u32::from(hit) << lane;
+        }
+        occluded
+    }
+}
+
+/// Barycentric weights of the second and third corner, and unit normals, of triangles with area that rays hit: as
+/// [`Hit`](crate::Hit) has them.
+#[inline(always)]
+pub fn details<S: Simd>(
+    s: S,
+    rays: &Rays<S>,
+    corners: [Vectors<S>; 3],
+) -> (Floats<S>, Floats<S>, Vectors<S>) {
+    let [u, v] = edge_weights(s, rays, corners);
+    let [a, b, c] = corners;
+    let corner = widened(a);
+    let (e1, e2) = (difference(widened(b), corner), difference(widened(c), corner));
+    let n = [e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2], e1[0] * e2[1] - e1[1] * e2[0]];
+    let scale = Floats::splat(s, 1.0).widen() / dot(n, n).sqrt();
+    (u, v, Vectors::new((n[0] * scale).narrow(), (n[1] * scale).narrow(), (n[2] * scale).narrow()))
+}
