@@ -22,7 +22,8 @@ mod face;
 #[cfg(test)]
 mod tests;
 
-use crate::rays::Rays;
+use crate::exact::{difference, edge_weights, plane, widened};
+use crate::rays::{Hits, Rays};
 use crate::simd::{Doubles, Floats, Integers, Mask, Simd, Vectors};
 use crate::triangle::unit_normal;
 use face::{Equation, Face, Faces, NONE, corners, quadrangle};
@@ -33,23 +34,11 @@ const ERROR: f32 = 64.0 * 0.5 * f32::EPSILON;
 const COORDINATES: core::ops::Range<f32> = 1e-6..1e6;
 /// What rays hit first.
 #[derive(Clone, Copy)]
-pub struct Hits<S: Simd> {
-    /// Rays that surely hit something: the other fields say where. Of other lanes they hold anything.
-    pub found: u32,
-    /// Rays of which it cannot be said what they hit: the tree knows.
+pub struct Tried<S: Simd> {
+    /// Of those that surely hit something; of others anything.
+    pub hits: Hits<S>,
+    /// Rays of which it cannot be said what they hit: the tree knows. Those of no length are among them.
     pub doubtful: u32,
-    /// Index of the triangle.
-    pub primitive: Integers<S>,
-    /// Its corners.
-    pub corners: [Vectors<S>; 3],
-    /// Distance in lengths of the ray's direction.
-    pub t: Floats<S>,
-    /// Barycentric weight of the second vertex.
-    pub u: Floats<S>,
-    /// Barycentric weight of the third vertex.
-    pub v: Floats<S>,
-    /// Geometric normal.
-    pub normal: Vectors<S>,
 }
 
 /// Whether rays are blocked.
@@ -132,7 +121,7 @@ impl FewTriangles {
 
     /// What the rays of lanes `active` (as bits) hit first, but for the triangles `from`.
     #[inline(always)]
-    pub fn closest_hits<S: Simd>(&self, s: S, rays: &Rays<S>, from: Integers<S>, active: u32) -> Hits<S> {
+    pub fn closest_hits<S: Simd>(&self, s: S, rays: &Rays<S>, from: Integers<S>, active: u32) -> Tried<S> {
         let scaled = Scaled::new(s, rays, self.reach);
         let infinite = Floats::splat(s, f32::INFINITY);
         let mut nearest =
@@ -147,7 +136,7 @@ impl FewTriangles {
         let corners = self.corners(primitive);
         let [t, u, v] = details(s, rays, corners);
         let normal = Vectors::gather(&self.normals, primitive + primitive.shift_left::<1>());
-        Hits { found, doubtful, primitive, corners, t, u, v, normal }
+        Tried { hits: Hits { found, primitive, corners, t, u, v, normal }, doubtful }
     }
 
     /// Whether anything lies before the rays' ends, in lanes `active`, at their directions' length; but for two triangles of each.
@@ -165,7 +154,7 @@ impl FewTriangles {
 
     /// Corners of triangles.
     #[inline(always)]
-    pub fn corners<S: Simd>(&self, primitive: Integers<S>) -> [Vectors<S>; 3] {
+    fn corners<S: Simd>(&self, primitive: Integers<S>) -> [Vectors<S>; 3] {
         Vectors::gather_three(&self.corners, primitive.shift_left::<3>() + primitive)
     }
 }
@@ -182,9 +171,7 @@ fn details<S: Simd>(s: S, rays: &Rays<S>, [a, b, c]: [Vectors<S>; 3]) -> [Floats
     let enter = near_z.max(near_y.max(near_x.max(Floats::splat(s, 0.0))));
     let leave = far_z.min(far_y.min(far_x.min(Floats::splat(s, f32::INFINITY))));
 
-    let corner = widened(a);
-    let (e1, e2) = (difference(widened(b), corner), difference(widened(c), corner));
-    let n = [e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2], e1[0] * e2[1] - e1[1] * e2[0]];
+    let (n, corner) = plane([a, b, c]);
     let plane_t =
         (dot_from_zero(s, n, difference(corner, widened(o))) / dot_from_zero(s, n, widened(d))).narrow();
     let leave = leave.max(enter);
@@ -192,25 +179,6 @@ fn details<S: Simd>(s: S, rays: &Rays<S>, [a, b, c]: [Vectors<S>; 3]) -> [Floats
 
     let [u, v] = edge_weights(s, rays, [a, b, c]);
     [t, u, v]
-}
-
-/// Barycentric weights of the second and third corner, as `triangle.rs` computes them.
-#[inline(always)]
-pub(crate) fn edge_weights<S: Simd>(s: S, rays: &Rays<S>, [a, b, c]: [Vectors<S>; 3]) -> [Floats<S>; 2] {
-    let (o, d) = (rays.origin, rays.direction);
-    // In the ray's order of axes: the direction's longest component comes last.
-    let last = LongestAxis::of(d);
-    let (o, d) = (widened(last.permuted(o)), widened(last.permuted(d)));
-    let a = sheared(widened(last.permuted(a)), o, d);
-    let b = sheared(widened(last.permuted(b)), o, d);
-    let c = sheared(widened(last.permuted(c)), o, d);
-    let u = c[0] * b[1] - c[1] * b[0];
-    let v = a[0] * c[1] - a[1] * c[0];
-    let w = b[0] * a[1] - b[1] * a[0];
-    let sum = u + v + w;
-    let second = v / sum;
-    let third = (w / sum).min(Floats::splat(s, 1.0).widen() - second);
-    [second.narrow(), third.narrow()]
 }
 
 /// Where rays enter and leave the slab of a triangle's box along an axis.
@@ -222,65 +190,10 @@ fn slab<S: Simd>([a, b, c]: [Floats<S>; 3], o: Floats<S>, d: Floats<S>) -> (Floa
     ((down.select(high, low) - o) * inverse, (down.select(low, high) - o) * inverse)
 }
 
-#[inline(always)]
-pub(crate) fn difference<S: Simd>(a: [Doubles<S>; 3], b: [Doubles<S>; 3]) -> [Doubles<S>; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
 /// Added up from 0 on, as `decide` does: it turns −0 to 0.
 #[inline(always)]
 fn dot_from_zero<S: Simd>(s: S, n: [Doubles<S>; 3], v: [Doubles<S>; 3]) -> Doubles<S> {
     Floats::splat(s, 0.0).widen() + n[0] * v[0] + n[1] * v[1] + n[2] * v[2]
-}
-
-#[inline(always)]
-pub(crate) fn dot<S: Simd>(a: [Doubles<S>; 3], b: [Doubles<S>; 3]) -> Doubles<S> {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// As `sheared_exactly`: all in the rays' order of axes.
-#[inline(always)]
-fn sheared<S: Simd>(v: [Doubles<S>; 3], o: [Doubles<S>; 3], d: [Doubles<S>; 3]) -> [Doubles<S>; 2] {
-    let z = v[2] - o[2];
-    [(v[0] - o[0]) * d[2] - d[0] * z, (v[1] - o[1]) * d[2] - d[1] * z]
-}
-
-#[inline(always)]
-pub(crate) fn widened<S: Simd>(v: Vectors<S>) -> [Doubles<S>; 3] {
-    [v.x.widen(), v.y.widen(), v.z.widen()]
-}
-
-/// Which component of a direction is the largest, as [`longest_axis`](crate::triangle::longest_axis) says; neither: the third.
-pub(crate) struct LongestAxis<S: Simd> {
-    x: Mask<S>,
-    y: Mask<S>,
-}
-
-impl<S: Simd> LongestAxis<S> {
-    #[inline(always)]
-    pub(crate) fn of(direction: Vectors<S>) -> Self {
-        let Vectors { x, y, z } = direction.abs();
-        let y_wins = x.less_equal(y);
-        let not_z = z.less(x.max(y));
-        Self { x: not_z.without(y_wins), y: not_z & y_wins }
-    }
-
-    /// Its index.
-    #[inline(always)]
-    pub(crate) fn number(&self, s: S) -> Integers<S> {
-        let [x, y, z] = [Integers::splat(s, 0), Integers::splat(s, 1), Integers::splat(s, 2)];
-        x.or_where_not(self.x, y.or_where_not(self.y, z))
-    }
-
-    /// In an order of axes where it comes last.
-    #[inline(always)]
-    pub(crate) fn permuted(&self, Vectors { x, y, z }: Vectors<S>) -> Vectors<S> {
-        Vectors::new(
-            self.x.select(y, self.y.select(z, x)),
-            self.x.select(z, self.y.select(x, y)),
-            self.x.select(x, self.y.select(y, z)),
-        )
-    }
 }
 
 /// Rays with directions whose largest component is 1, so that distances are lengths.

@@ -26,6 +26,7 @@ mod binary;
 mod build;
 mod collapse;
 mod curve;
+mod exact;
 pub mod few;
 mod filter;
 mod huge;

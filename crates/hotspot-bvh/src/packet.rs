@@ -14,7 +14,7 @@ use crate::node::{Child, Node};
 use crate::ray::{Hit, NO_INSTANCE, Ray};
 use crate::simd::{F8, Simd};
 use crate::stack::Stack;
-use crate::traverse::{Best, Pending, closest, ordered};
+use crate::traverse::{Best, Pending, closest_of_frame, ordered};
 use crate::triangle::{
     Axis, Block, FAR_PAD, NO_PRIMITIVE, RayFrame, decide, details, edge_test, longest_axis, permuted,
     reciprocal_far, sheared,
@@ -34,16 +34,9 @@ const GROUPS: usize = PACKET / LANES;
 /// Where `rays` and `hits` differ in length, or are longer than a packet.
 #[inline(always)]
 pub(crate) fn closest_of_packet<S: Simd>(s: S, bvh: &Bvh, rays: &[Ray], hits: &mut [Option<Hit>]) {
-    assert!(rays.len() == hits.len() && rays.len() <= PACKET, "a packet holds at most {PACKET} rays");
-    let packet = if rays.len() < FEWEST || bvh.root == Child::EMPTY { None } else { Packet::of(rays) };
-    let Some(mut packet) = packet else {
-        for (ray, hit) in rays.iter().zip(hits.iter_mut()) {
-            *hit = alone(s, bvh, ray);
-        }
-        return;
-    };
-    packet.find(s, bvh);
-    for ((ray, best), hit) in rays.iter().zip(&packet.best).zip(hits) {
+    let mut all = [Best::none(0.0); PACKET];
+    nearest_of_packet(s, bvh, rays, &mut all[..hits.len()]);
+    for ((ray, best), hit) in rays.iter().zip(&all).zip(hits) {
         *hit = best.found.then(
             #[inline(always)]
             || {
@@ -55,32 +48,43 @@ pub(crate) fn closest_of_packet<S: Simd>(s: S, bvh: &Bvh, rays: &[Ray], hits: &m
     }
 }
 
-/// Triangle and distance of the nearest hits of up to [`PACKET`] rays.
+/// The same without weights and normals.
 ///
 /// # Panics
 /// As [`closest_of_packet`].
 #[inline(always)]
-pub(crate) fn nearest_of_packet<S: Simd>(s: S, bvh: &Bvh, rays: &[Ray], hits: &mut [Option<(u32, f32)>]) {
-    assert!(rays.len() == hits.len() && rays.len() <= PACKET, "a packet holds at most {PACKET} rays");
+pub(crate) fn nearest_of_packet<S: Simd>(s: S, bvh: &Bvh, rays: &[Ray], all: &mut [Best]) {
+    assert!(rays.len() == all.len() && rays.len() <= PACKET, "a packet holds at most {PACKET} rays");
     let packet = if rays.len() < FEWEST || bvh.root == Child::EMPTY { None } else { Packet::of(rays) };
     let Some(mut packet) = packet else {
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = alone(s, bvh, ray).map(|hit| (hit.primitive, hit.t));
+        for (ray, best) in rays.iter().zip(all) {
+            *best = alone(s, bvh, ray);
         }
         return;
     };
     packet.find(s, bvh);
-    for (best, hit) in packet.best.iter().zip(hits) {
-        *hit = best.found.then_some((best.primitive, best.t));
-    }
+    all.copy_from_slice(&packet.best[..all.len()]);
 }
 
 /// Rays that do not run together. Not inlined: seldom, and long.
 #[inline(never)]
-fn alone<S: Simd>(s: S, bvh: &Bvh, ray: &Ray) -> Option<Hit> {
+fn alone<S: Simd>(s: S, bvh: &Bvh, ray: &Ray) -> Best {
     s.vectorize(
         #[inline(always)]
-        || closest::<S, NoProbe, NoFilter, false, 0>(s, bvh, ray, [], NoFilter, NoProbe),
+        || {
+            if bvh.root == Child::EMPTY || !ray.is_finite() {
+                return Best::none(0.0);
+            }
+            let frame = RayFrame::new(ray);
+            closest_of_frame::<S, NoProbe, NoFilter, false, 0>(
+                s,
+                bvh,
+                &frame,
+                [],
+                &mut NoFilter,
+                &mut NoProbe,
+            )
+        },
     )
 }
 

@@ -21,7 +21,7 @@ impl WithSimd for Ask<'_> {
         };
         let rays = Rays { origin: vectors(|r| r.origin), direction: vectors(|r| r.direction) };
         let [from, to] = self.except.map(|e| Integers::load(s, &U8(e)));
-        let hits = self.few.closest_hits(s, &rays, from, 0xff);
+        let Tried { hits, doubtful } = self.few.closest_hits(s, &rays, from, 0xff);
         let [primitive] = [hits.primitive].map(|i| i.store().0);
         let [t, u, v] = [hits.t, hits.u, hits.v].map(|f| f.store().0);
         let normal = hits.normal.store();
@@ -35,7 +35,7 @@ impl WithSimd for Ask<'_> {
                 normal: [0, 1, 2].map(|i| normal[i].0[lane]),
             })
         });
-        (found, hits.doubtful, self.few.blocked(s, &rays, [from, to], 0xff))
+        (found, doubtful, self.few.blocked(s, &rays, [from, to], 0xff))
     }
 }
 

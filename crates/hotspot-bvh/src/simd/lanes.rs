@@ -279,13 +279,6 @@ impl<S: Simd> Integers<S> {
         self.0.store_integers(self.1)
     }
 
-    /// The entries of a table of eight with these indices, of which the three lowest bits count.
-    #[inline(always)]
-    #[must_use]
-    pub fn look_up(table: &U8, indices: Self) -> Self {
-        Self::load(indices.0, table).as_bits().permuted(indices).bits()
-    }
-
     /// The numbers of the lanes whose bit is set, in order; then others.
     #[inline(always)]
     pub fn of_set_bits(s: S, bits: u32) -> Self {
@@ -498,7 +491,7 @@ impl<S: Simd> Vectors<S> {
     /// Three vectors whose nine components stand in a table from each index on.
     ///
     /// # Panics
-    /// With fewer than nine entries.
+    /// With fewer than eight entries; of eight, the last component is anything.
     #[inline(always)]
     pub fn gather_three(from: &[f32], first: Integers<S>) -> [Self; 3] {
         let [ax, ay, az, bx, by, bz, cx, cy] = Floats::gather_eights(from, first);
@@ -581,4 +574,36 @@ impl<S: Simd> Neg for Vectors<S> {
     fn neg(self) -> Self {
         Self::new(-self.x, -self.y, -self.z)
     }
+}
+
+/// The numbers of the lanes whose bit is set, in order.
+pub struct Lanes(pub u32);
+
+impl Iterator for Lanes {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        if self.0 == 0 {
+            return None;
+        }
+        // The same number; so that the compiler knows that there are eight.
+        let lane = self.0.trailing_zeros() as usize & 7;
+        self.0 &= self.0 - 1;
+        Some(lane)
+    }
+}
+
+/// A lane of vectors in memory.
+#[inline(always)]
+pub fn vector(vectors: &[F8; 3], lane: usize) -> [f32; 3] {
+    [vectors[0].0[lane], vectors[1].0[lane], vectors[2].0[lane]]
+}
+
+/// Sets a lane of vectors in memory.
+#[inline(always)]
+pub fn set_vector(vectors: &mut [F8; 3], lane: usize, [x, y, z]: [f32; 3]) {
+    vectors[0].0[lane] = x;
+    vectors[1].0[lane] = y;
+    vectors[2].0[lane] = z;
 }

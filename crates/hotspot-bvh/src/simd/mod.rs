@@ -13,7 +13,7 @@ mod portable;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;
-pub use lanes::{Doubles, Floats, Integers, Mask, Vectors};
+pub use lanes::{Doubles, Floats, Integers, Lanes, Mask, Vectors, set_vector, vector};
 pub use portable::Portable;
 
 /// Eight floats, aligned for vector loads.

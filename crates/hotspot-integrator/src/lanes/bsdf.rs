@@ -2,8 +2,8 @@
 //!
 //! Matte and substrate are computed for all lanes; of what is neither each is asked by itself, and so are textures.
 
-use super::math::{pow5, sin_cos_turn, square_to_cosine_hemisphere};
-use super::{LaneScene, Lanes, set, vector};
+use super::LaneScene;
+use super::math::{pow5, sin_cos_turn, square_to_cosine_hemisphere, vec3};
 use crate::bsdf::Bsdf;
 use crate::class::Class;
 use crate::geometry::{Attributes, Surface};
@@ -12,7 +12,7 @@ use crate::scene::RenderScene;
 use crate::surface::resolve;
 use glam::Vec2;
 use hotspot_bvh::NoProbe;
-use hotspot_bvh::simd::{F8, Floats, Integers, Mask, Simd, U8, Vectors};
+use hotspot_bvh::simd::{F8, Floats, Integers, Lanes, Mask, Simd, U8, Vectors, set_vector};
 
 /// How a material scatters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -179,10 +179,10 @@ impl<S: Simd> BsdfLanes<S> {
                 let mut alpha = self.alpha.store();
                 for lane in Lanes(asked) {
                     match places.bsdf::<C>(scene, lane, self.front) {
-                        Bsdf::Matte(reflectance) => set(&mut color, lane, reflectance.to_array()),
+                        Bsdf::Matte(reflectance) => set_vector(&mut color, lane, reflectance.to_array()),
                         Bsdf::Substrate(substrate) => {
-                            set(&mut color, lane, substrate.diffuse.to_array());
-                            set(&mut specular, lane, substrate.specular.to_array());
+                            set_vector(&mut color, lane, substrate.diffuse.to_array());
+                            set_vector(&mut specular, lane, substrate.specular.to_array());
                             alpha.0[lane] = substrate.alpha;
                         }
                         _ => {}
@@ -303,7 +303,6 @@ impl<S: Simd> BsdfLanes<S> {
         Vectors::new(sin * x, sin * y, cos)
     }
 
-    #[cold]
     #[inline(never)]
     fn eval_others<C: Class>(
         &self,
@@ -320,8 +319,8 @@ impl<S: Simd> BsdfLanes<S> {
                 let (mut f_cos, mut pdf) = (f_cos.store(), pdf.store());
                 for lane in Lanes(asked) {
                     let bsdf = places.bsdf::<C>(scene, lane, self.front);
-                    let (f, p) = bsdf.eval(vector(&wo, lane), vector(&wi, lane));
-                    set(&mut f_cos, lane, f.to_array());
+                    let (f, p) = bsdf.eval(vec3(&wo, lane), vec3(&wi, lane));
+                    set_vector(&mut f_cos, lane, f.to_array());
                     pdf.0[lane] = p;
                 }
                 (Vectors::load(s, &f_cos), Floats::load(s, &pdf))
@@ -329,7 +328,6 @@ impl<S: Simd> BsdfLanes<S> {
         )
     }
 
-    #[cold]
     #[inline(never)]
     fn sample_others<C: Class>(
         &self,
@@ -351,12 +349,12 @@ impl<S: Simd> BsdfLanes<S> {
                 for lane in Lanes(asked) {
                     let bsdf = places.bsdf::<C>(scene, lane, self.front);
                     let (choice, u) = bsdf.choose_lobe(lobe.0[lane]);
-                    let Some(one) = bsdf.sample(vector(&wo, lane), choice, Vec2::new(u, v.0[lane])) else {
+                    let Some(one) = bsdf.sample(vec3(&wo, lane), choice, Vec2::new(u, v.0[lane])) else {
                         continue;
                     };
                     there |= 1 << lane;
-                    set(&mut wi, lane, one.wi.to_array());
-                    set(&mut weight, lane, one.weight.to_array());
+                    set_vector(&mut wi, lane, one.wi.to_array());
+                    set_vector(&mut weight, lane, one.weight.to_array());
                     pdf.0[lane] = one.pdf;
                     eta_scale.0[lane] = one.eta_scale;
                 }

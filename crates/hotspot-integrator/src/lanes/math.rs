@@ -1,6 +1,7 @@
 //! Formulas of [`crate::math`] and its neighbours for eight paths at once, in the same order of operations.
 
-use hotspot_bvh::simd::{F8, Floats, Integers, Simd, Vectors};
+use glam::Vec3;
+use hotspot_bvh::simd::{F8, Floats, Integers, Simd, Vectors, vector};
 
 /// [`crate::math::square_to_cosine_hemisphere`].
 #[inline(always)]
@@ -124,4 +125,10 @@ pub(super) fn max_element<S: Simd>(v: Vectors<S>) -> Floats<S> {
 #[inline(always)]
 pub(super) fn facing<S: Simd>(s: S, a: Vectors<S>, towards: Vectors<S>) -> Vectors<S> {
     (-a).or_where_not(towards.dot(a).less(Floats::splat(s, 0.0)), a)
+}
+
+/// A lane of vectors in memory.
+#[inline(always)]
+pub(crate) fn vec3(vectors: &[F8; 3], lane: usize) -> Vec3 {
+    Vec3::from_array(vector(vectors, lane))
 }

@@ -23,7 +23,7 @@ use crate::scene::RenderScene;
 use bsdf::{BUMPY, Kind, VARIES};
 use glam::Vec3;
 use hotspot_bvh::few::FewTriangles;
-use hotspot_bvh::simd::{Doubles, F8, Floats, Integers, Mask, Simd, Vectors};
+use hotspot_bvh::simd::{Doubles, Floats, Integers, Lanes, Mask, Simd, Vectors, set_vector};
 use hotspot_probe::NONE;
 use hotspot_scene::{Alpha, Bsdf, Material};
 pub(crate) use path::{SampleList, View, trace_samples};
@@ -39,7 +39,7 @@ pub(crate) struct LaneScene {
     rows: Vec<[f32; ROW]>,
     /// Whether any surface has normals of its own.
     smooth: bool,
-    /// Of few triangles whose corners have the same normal each: those; of triangles without any, zeros. One number more at the end.
+    /// Of few triangles whose corners have the same normal each: those; of triangles without any, zeros. Three numbers more at the end.
     flat_normals: Option<Vec<f32>>,
 }
 
@@ -61,12 +61,19 @@ struct PartLanes<S: Simd> {
 }
 
 impl LaneScene {
-    /// `None` for scenes that hold what lanes do not know: instances, lights without area, environment maps, materials that are mixed, unlit
+    /// `None` for scenes without triangles, and for those that hold what lanes do not know: instances, lights without area, environment maps, materials that are mixed, unlit
     /// or absorb, and emission that is textured or cut out. All triangles are tried where there are at most [`FewTriangles::MOST`], of regular
     /// shape and opaque, and no environment; unless a parallel camera looks along one: all of its rays would be doubtful.
     pub(crate) fn new(scene: &RenderScene, camera: &FilmCamera) -> Option<Self> {
         let geometry = &scene.geometry;
-        if geometry.part_of.is_empty() || scene.bvh.instance_count() > 0 {
+        let (corners, normals) = geometry.corners_and_normals();
+        // Lanes gather by numbers below 2^31.
+        let too_many = corners.len().max(normals.len()) > i32::MAX as usize;
+        if geometry.part_of.is_empty() || scene.bvh.instance_count() > 0 || too_many {
+            return None;
+        }
+        #[cfg(hotspot_ablation)]
+        if scene.without.is_some() {
             return None;
         }
         let lights = LightLanes::new(&scene.lights, geometry, &scene.materials)?;
@@ -195,8 +202,8 @@ impl<S: Simd> PointLanes<S> {
         let (mut p, mut error) = (self.p.store(), self.error.store());
         for lane in Lanes(bits) {
             let point = by(lane);
-            set(&mut p, lane, point.p.to_array());
-            set(&mut error, lane, point.error.to_array());
+            set_vector(&mut p, lane, point.p.to_array());
+            set_vector(&mut error, lane, point.error.to_array());
         }
         Self { p: Vectors::load(s, &p), error: Vectors::load(s, &error) }
     }
@@ -219,36 +226,4 @@ impl<S: Simd> PointLanes<S> {
     fn margin(&self, s: S) -> Floats<S> {
         Floats::splat(s, 2.0) * self.error.dot(self.error).sqrt()
     }
-}
-
-/// The numbers of the lanes whose bit is set.
-pub(crate) struct Lanes(pub(crate) u32);
-
-impl Iterator for Lanes {
-    type Item = usize;
-
-    #[inline(always)]
-    fn next(&mut self) -> Option<usize> {
-        if self.0 == 0 {
-            return None;
-        }
-        // The same number; so that the compiler knows that there are eight.
-        let lane = self.0.trailing_zeros() as usize & 7;
-        self.0 &= self.0 - 1;
-        Some(lane)
-    }
-}
-
-/// A lane's vector.
-#[inline(always)]
-pub(crate) fn vector(vectors: &[F8; 3], lane: usize) -> Vec3 {
-    Vec3::new(vectors[0].0[lane], vectors[1].0[lane], vectors[2].0[lane])
-}
-
-/// Sets a lane.
-#[inline(always)]
-pub(crate) fn set(vectors: &mut [F8; 3], lane: usize, [x, y, z]: [f32; 3]) {
-    vectors[0].0[lane] = x;
-    vectors[1].0[lane] = y;
-    vectors[2].0[lane] = z;
 }

@@ -5,9 +5,9 @@
 //! for all of them; what few need (doubtful rays, points at edges) is done one by one, by the same code as for single paths.
 
 use super::bsdf::{At, BUMPY, BsdfLanes};
-use super::math::{FrameLanes, facing, max_element, power_heuristic};
+use super::math::{FrameLanes, facing, max_element, power_heuristic, vec3};
 use super::sampler::Points;
-use super::{LaneScene, Lanes, PartLanes, PointLanes, set, tree, triangle_error, vector};
+use super::{LaneScene, PartLanes, PointLanes, tree, triangle_error};
 use crate::camera::FilmCamera;
 use crate::class::{Class, Feature, MatteClass, has};
 use crate::light::{LightSamples, ViewpointLanes};
@@ -16,10 +16,9 @@ use crate::roulette::LEAST_BASE;
 use crate::scene::RenderScene;
 use crate::surface::bumped;
 use hotspot_bvh::NoProbe;
-use hotspot_bvh::few::Hits;
-use hotspot_bvh::lanes::Nearest;
-use hotspot_bvh::rays::Rays;
-use hotspot_bvh::simd::{Floats, Integers, Mask, Simd, U8, Vectors};
+use hotspot_bvh::few::Tried;
+use hotspot_bvh::rays::{Hits, Nearest, Rays};
+use hotspot_bvh::simd::{Floats, Integers, Lanes, Mask, Simd, U8, Vectors, set_vector};
 use hotspot_probe::NONE;
 
 /// Samples to take.
@@ -100,14 +99,20 @@ struct Vertex<S: Simd> {
     bsdf: BsdfLanes<S>,
 }
 
-/// Most paths that wait, with room to write eight beyond the last that goes on.
-const WAITING: usize = 32;
+/// Most paths that wait, when those of fewer than eight that wait and of eight others go on.
+const WAITING: usize = 16;
 
-/// Numbers that make up a path ([`Paths`]).
-const LISTS: usize = 29;
+/// Numbers that make up a path, and those of them that only kernels with learned lights have: the last.
+const ROWS: usize = 29;
+const LEARNED_ROWS: usize = 7;
 
-/// The paths that wait, number by number.
-struct Pool([[f32; WAITING]; LISTS]);
+/// How many a kernel has.
+const fn rows_of<C: Class>() -> usize {
+    if C::LEARNED { ROWS } else { ROWS - LEARNED_ROWS }
+}
+
+/// The paths that wait, number by number ([`Paths::rows`]).
+struct Pool([[f32; WAITING]; ROWS]);
 
 /// Takes all samples of a list; their radiance goes to `found`, in the list's order.
 #[inline(always)]
@@ -119,7 +124,7 @@ pub(crate) fn trace_samples<S: Simd, C: Class>(
 ) {
     found.clear();
     found.resize(list.len(), [0.0; 3]);
-    let mut pool = Pool([[0.0; WAITING]; LISTS]);
+    let mut pool = Pool([[0.0; WAITING]; ROWS]);
     let (mut waiting, mut next) = (0, 0);
     let mut held: Option<(Paths<S>, Nearest<S>, usize)> = None;
     loop {
@@ -163,7 +168,7 @@ pub(crate) fn trace_samples<S: Simd, C: Class>(
                 found[numbers.0[lane] as usize] = [x.0[lane], y.0[lane], z.0[lane]];
             }
         }
-        paths.permuted(Integers::of_set_bits(s, alive)).write::<C>(&mut pool, waiting);
+        paths.write::<C>(&mut pool, waiting, Integers::of_set_bits(s, alive));
         waiting += alive.count_ones() as usize;
     }
 }
@@ -195,126 +200,77 @@ impl<S: Simd> Paths<S> {
         }
     }
 
+    /// All numbers, whole ones by their bits; in the order of [`Paths::of_rows`].
+    #[rustfmt::skip]
+    #[inline(always)]
+    fn rows(&self) -> [Floats<S>; ROWS] {
+        let Self { rays: Rays { origin, direction }, radiance, throughput, points, scattered_from, .. } = self;
+        let ViewpointLanes { p, n, outlook } = scattered_from;
+        [
+            origin.x, origin.y, origin.z,
+            direction.x, direction.y, direction.z,
+            self.from.as_bits(),
+            radiance.x, radiance.y, radiance.z,
+            throughput.x, throughput.y, throughput.z,
+            self.survival_scale, self.scattered_pdf, self.scattered_cos,
+            self.bounces.as_bits(),
+            self.light[0], self.light[1],
+            points.key.as_bits(), points.index.as_bits(), self.number.as_bits(),
+            p.x, p.y, p.z, n.x, n.y, n.z, outlook.as_bits(),
+        ]
+    }
+
+    /// Those of [`Paths::rows`].
+    #[rustfmt::skip]
+    #[inline(always)]
+    fn of_rows(view: &View<'_>, rows: &[Floats<S>; ROWS]) -> Self {
+        let [
+            ox, oy, oz,
+            dx, dy, dz,
+            from,
+            r, g, b,
+            throughput_r, throughput_g, throughput_b,
+            survival_scale, scattered_pdf, scattered_cos,
+            bounces,
+            light_u, light_v,
+            key, index, number,
+            px, py, pz, nx, ny, nz, outlook,
+        ] = *rows;
+        Self {
+            rays: Rays { origin: Vectors::new(ox, oy, oz), direction: Vectors::new(dx, dy, dz) },
+            from: from.bits(),
+            radiance: Vectors::new(r, g, b),
+            throughput: Vectors::new(throughput_r, throughput_g, throughput_b),
+            survival_scale,
+            scattered_pdf,
+            scattered_cos,
+            scattered_from: ViewpointLanes {
+                p: Vectors::new(px, py, pz),
+                n: Vectors::new(nx, ny, nz),
+                outlook: outlook.bits(),
+            },
+            bounces: bounces.bits(),
+            light: [light_u, light_v],
+            points: Points { key: key.bits(), index: index.bits(), table: view.table },
+            number: number.bits(),
+        }
+    }
+
     /// Those of a pool from `at` on.
     #[inline(always)]
     fn read<C: Class>(s: S, view: &View<'_>, Pool(pool): &Pool, at: usize) -> Self {
-        let viewpoints = ViewpointLanes {
-            p: Vectors::new(
-                Floats::read(s, &pool[22], at),
-                Floats::read(s, &pool[23], at),
-                Floats::read(s, &pool[24], at),
-            ),
-            n: Vectors::new(
-                Floats::read(s, &pool[25], at),
-                Floats::read(s, &pool[26], at),
-                Floats::read(s, &pool[27], at),
-            ),
-            outlook: Floats::read(s, &pool[28], at).bits(),
-        };
-        Self {
-            rays: Rays {
-                origin: Vectors::new(
-                    Floats::read(s, &pool[0], at),
-                    Floats::read(s, &pool[1], at),
-                    Floats::read(s, &pool[2], at),
-                ),
-                direction: Vectors::new(
-                    Floats::read(s, &pool[3], at),
-                    Floats::read(s, &pool[4], at),
-                    Floats::read(s, &pool[5], at),
-                ),
-            },
-            radiance: Vectors::new(
-                Floats::read(s, &pool[6], at),
-                Floats::read(s, &pool[7], at),
-                Floats::read(s, &pool[8], at),
-            ),
-            throughput: Vectors::new(
-                Floats::read(s, &pool[9], at),
-                Floats::read(s, &pool[10], at),
-                Floats::read(s, &pool[11], at),
-            ),
-            survival_scale: Floats::read(s, &pool[12], at),
-            scattered_pdf: Floats::read(s, &pool[13], at),
-            light: [Floats::read(s, &pool[14], at), Floats::read(s, &pool[15], at)],
-            from: Floats::read(s, &pool[16], at).bits(),
-            bounces: Floats::read(s, &pool[17], at).bits(),
-            points: Points {
-                key: Floats::read(s, &pool[18], at).bits(),
-                index: Floats::read(s, &pool[19], at).bits(),
-                table: view.table,
-            },
-            number: Floats::read(s, &pool[20], at).bits(),
-            scattered_cos: Floats::read(s, &pool[21], at),
-            scattered_from: if C::LEARNED { viewpoints } else { ViewpointLanes::none(s) },
+        let mut rows = [Floats::splat(s, 0.0); ROWS];
+        for (row, numbers) in rows[..rows_of::<C>()].iter_mut().zip(pool) {
+            *row = Floats::read(s, numbers, at);
         }
+        Self::of_rows(view, &rows)
     }
 
-    /// To a pool from `at` on, as [`Paths::read`] reads them.
+    /// To a pool from `at` on: lane `order[0]` first, and so on.
     #[inline(always)]
-    fn write<C: Class>(&self, Pool(pool): &mut Pool, at: usize) {
-        let Self { rays: Rays { origin, direction }, radiance, throughput, points, .. } = self;
-        origin.x.write(&mut pool[0], at);
-        origin.y.write(&mut pool[1], at);
-        origin.z.write(&mut pool[2], at);
-        direction.x.write(&mut pool[3], at);
-        direction.y.write(&mut pool[4], at);
-        direction.z.write(&mut pool[5], at);
-        radiance.x.write(&mut pool[6], at);
-        radiance.y.write(&mut pool[7], at);
-        radiance.z.write(&mut pool[8], at);
-        throughput.x.write(&mut pool[9], at);
-        throughput.y.write(&mut pool[10], at);
-        throughput.z.write(&mut pool[11], at);
-        self.survival_scale.write(&mut pool[12], at);
-        self.scattered_pdf.write(&mut pool[13], at);
-        self.light[0].write(&mut pool[14], at);
-        self.light[1].write(&mut pool[15], at);
-        self.from.as_bits().write(&mut pool[16], at);
-        self.bounces.as_bits().write(&mut pool[17], at);
-        points.key.as_bits().write(&mut pool[18], at);
-        points.index.as_bits().write(&mut pool[19], at);
-        self.number.as_bits().write(&mut pool[20], at);
-        self.scattered_cos.write(&mut pool[21], at);
-        if C::LEARNED {
-            let ViewpointLanes { p, n, outlook } = self.scattered_from;
-            p.x.write(&mut pool[22], at);
-            p.y.write(&mut pool[23], at);
-            p.z.write(&mut pool[24], at);
-            n.x.write(&mut pool[25], at);
-            n.y.write(&mut pool[26], at);
-            n.z.write(&mut pool[27], at);
-            outlook.as_bits().write(&mut pool[28], at);
-        }
-    }
-
-    /// Lane i gets lane `order[i]`.
-    #[inline(always)]
-    fn permuted(self, order: Integers<S>) -> Self {
-        Self {
-            rays: Rays {
-                origin: self.rays.origin.permuted(order),
-                direction: self.rays.direction.permuted(order),
-            },
-            radiance: self.radiance.permuted(order),
-            throughput: self.throughput.permuted(order),
-            survival_scale: self.survival_scale.permuted(order),
-            scattered_pdf: self.scattered_pdf.permuted(order),
-            scattered_cos: self.scattered_cos.permuted(order),
-            scattered_from: ViewpointLanes {
-                p: self.scattered_from.p.permuted(order),
-                n: self.scattered_from.n.permuted(order),
-                outlook: self.scattered_from.outlook.permuted(order),
-            },
-            light: [self.light[0].permuted(order), self.light[1].permuted(order)],
-            from: self.from.permuted(order),
-            bounces: self.bounces.permuted(order),
-            points: Points {
-                key: self.points.key.permuted(order),
-                index: self.points.index.permuted(order),
-                table: self.points.table,
-            },
-            number: self.number.permuted(order),
+    fn write<C: Class>(&self, Pool(pool): &mut Pool, at: usize, order: Integers<S>) {
+        for (row, numbers) in self.rows()[..rows_of::<C>()].iter().zip(pool) {
+            row.permuted(order).write(numbers, at);
         }
     }
 
@@ -343,7 +299,7 @@ impl<S: Simd> Paths<S> {
         }
         let outlook = match learned {
             Some(learned) => learned.outlooks(s, &self.rays, &hits, alive),
-            None => Integers::splat(s, 0),
+            None => ViewpointLanes::none(s).outlook,
         };
         let primitive = hits.primitive;
         let part = Integers::gather(&scene.geometry.part_of, primitive);
@@ -452,8 +408,8 @@ impl<S: Simd> Paths<S> {
             };
             return tree::hits(s, scene, &self.rays, nearest);
         };
-        let hits = few.closest_hits(s, &self.rays, self.from, active);
-        if hits.doubtful == 0 { hits } else { hits_of_doubtful(s, view, self, &hits) }
+        let Tried { hits, doubtful } = few.closest_hits(s, &self.rays, self.from, active);
+        if doubtful == 0 { hits } else { hits_of_doubtful(s, view, self, (hits, doubtful)) }
     }
 
     /// Roulette: the lanes that survive, with what makes up for the others.
@@ -593,9 +549,9 @@ fn bumped_normals<S: Simd, C: Class>(
             for lane in Lanes(asked) {
                 let (surface, attributes) = places.surface::<C>(scene, lane);
                 let weights = places.weights(lane);
-                let (smooth, wo) = (vector(&smooth, lane), vector(&wo, lane));
+                let (smooth, wo) = (vec3(&smooth, lane), vec3(&wo, lane));
                 let bumped = bumped(scene, surface, weights, &attributes, smooth, wo, &mut NoProbe);
-                set(&mut normal, lane, bumped.to_array());
+                set_vector(&mut normal, lane, bumped.to_array());
             }
             Vectors::load(s, &normal)
         },
@@ -622,21 +578,25 @@ fn points<S: Simd>(s: S, view: &View<'_>, hits: &Hits<S>, alive: u32) -> PointLa
 /// Hits with those of doubtful rays, from the tree.
 #[cold]
 #[inline(never)]
-fn hits_of_doubtful<S: Simd>(s: S, view: &View<'_>, paths: &Paths<S>, hits: &Hits<S>) -> Hits<S> {
+fn hits_of_doubtful<S: Simd>(
+    s: S,
+    view: &View<'_>,
+    paths: &Paths<S>,
+    (hits, doubtful): (Hits<S>, u32),
+) -> Hits<S> {
     s.vectorize(
         #[inline(always)]
         || {
             // Few triangles are all there.
             let keys = Integers::splat(s, 0);
             let nearest =
-                tree::nearest::<S, MatteClass>(s, view.scene, &paths.rays, paths.from, keys, hits.doubtful);
+                tree::nearest::<S, MatteClass>(s, view.scene, &paths.rays, paths.from, keys, doubtful);
             let found = tree::hits(s, view.scene, &paths.rays, nearest);
-            let sure = Mask::of_bits(s, !hits.doubtful);
+            let sure = Mask::of_bits(s, !doubtful);
             let [a, b, c] = hits.corners;
             let [d, e, f] = found.corners;
             Hits {
                 found: hits.found | found.found,
-                doubtful: 0,
                 primitive: hits.primitive.or_where_not(sure, found.primitive),
                 corners: [a.or_where_not(sure, d), b.or_where_not(sure, e), c.or_where_not(sure, f)],
                 t: sure.select(hits.t, found.t),

@@ -289,7 +289,7 @@ fn substrate(diffuse: [f32; 3], specular: f32, roughness: f32) -> hotspot_scene:
 }
 
 /// Every material of the class, lamps of many triangles that lie in strips, and a constant sky; alone and together, with lights
-/// chosen by power and as learned.
+/// chosen by power and as learned; in halves, adaptive, counted in part, without any depth, and with lists that end within a pixel.
 #[test]
 fn pictures_of_many_triangles_are_those_of_single_paths() {
     use hotspot_scene::Bsdf;
@@ -335,6 +335,17 @@ fn pictures_of_many_triangles_are_those_of_single_paths() {
         }
         lit += agree(name, &scene, &wanted, &camera(1.0, index == 3));
         wanted.light_choice = LightChoice::Power;
+        match index {
+            1 => (wanted.intervals, wanted.spp) = (true, 8),
+            2 => (wanted.adaptive, wanted.spp) = (true, 33),
+            4 => {
+                (wanted.gather, wanted.cost_spp) = (Gather::ALL, Some(3));
+                wanted.ledgers = true;
+            }
+            5 => wanted.max_depth = 0,
+            6 => (wanted.spp, wanted.width, wanted.height) = (3000, 3, 2),
+            _ => {}
+        }
         lit += agree(name, &scene, &wanted, &camera(1.0, false));
     }
     assert!(lit > 9000, "{lit} pixels are lit");

@@ -6,9 +6,7 @@ use crate::class::{Class, Feature, has};
 use crate::cutout::Cutouts;
 use crate::scene::RenderScene;
 use hotspot_bvh::NoFilter;
-use hotspot_bvh::few::Hits;
-use hotspot_bvh::lanes::{Nearest, details};
-use hotspot_bvh::rays::Rays;
+use hotspot_bvh::rays::{Hits, Nearest, Rays};
 use hotspot_bvh::simd::{Floats, Integers, Simd, U8};
 
 /// What rays of lanes `active` hit first, but for the triangles `from`; `keys`: [`Sampler::ray_key`](crate::sampler::Sampler::ray_key) of each.
@@ -50,10 +48,7 @@ pub(super) fn nearest_of_camera<S: Simd>(
 /// All about what is hit.
 #[inline(always)]
 pub(super) fn hits<S: Simd>(s: S, scene: &RenderScene, rays: &Rays<S>, nearest: Nearest<S>) -> Hits<S> {
-    let Nearest { found, primitive, t } = nearest;
-    let corners = scene.geometry.corners_in_lanes(primitive);
-    let (u, v, normal) = details(s, rays, corners);
-    Hits { found, doubtful: 0, primitive, corners, t, u, v, normal }
+    nearest.hits(s, rays, scene.geometry.corners_in_lanes(nearest.primitive))
 }
 
 /// The rays of lanes `active` that are blocked before `t_max`; `ends`: the triangles that they start on and are aimed at; `keys` as in

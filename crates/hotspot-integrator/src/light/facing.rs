@@ -18,9 +18,9 @@ use super::patches::{Patch, Place};
 use super::trees::{Descent, Node, Trees};
 use super::triangles::LightTriangle;
 use crate::geometry::Geometry;
-use crate::lanes::{Lanes, vector};
+use crate::lanes::math::vec3;
 use glam::{Vec2, Vec3};
-use hotspot_bvh::simd::F8;
+use hotspot_bvh::simd::{F8, Lanes};
 use rayon::prelude::*;
 
 /// Share of each choice that goes by power alone.
@@ -235,7 +235,7 @@ impl Facing {
         let mut chosen = [ChosenGroup::default(); 8];
         let mut descents = [Descent::default(); 8];
         for lane in Lanes(asked) {
-            chosen[lane] = self.choose_group(vector(p, lane), vector(n, lane), u.0[lane]);
+            chosen[lane] = self.choose_group(vec3(p, lane), vec3(n, lane), u.0[lane]);
             descents[lane] = Descent::new(chosen[lane].rest);
         }
         let mut left = asked;

@@ -4,12 +4,10 @@ use super::lanes::{LightLanes, LightSamples};
 use super::learn::{Learned, Outlook, Viewpoint, met};
 use super::{LightSample, LightTarget, Lights};
 use crate::geometry::Geometry;
-use crate::lanes::math::FrameLanes;
-use crate::lanes::{Lanes, set, vector};
+use crate::lanes::math::{FrameLanes, vec3};
 use crate::math::Frame;
-use hotspot_bvh::few::Hits;
-use hotspot_bvh::rays::Rays;
-use hotspot_bvh::simd::{F8, Floats, Integers, Simd, U8, Vectors};
+use hotspot_bvh::rays::{Hits, Rays};
+use hotspot_bvh::simd::{F8, Floats, Integers, Lanes, Simd, U8, Vectors, set_vector, vector};
 use hotspot_bvh::{Hit, NO_INSTANCE, Ray};
 
 /// [`Viewpoint`]s in lanes.
@@ -48,7 +46,7 @@ impl Viewpoints {
     #[inline(always)]
     fn of(&self, lane: usize) -> Viewpoint {
         let outlook = Outlook::of_number(self.outlook.0[lane]);
-        Viewpoint::new(vector(&self.p, lane), vector(&self.n, lane), outlook)
+        Viewpoint::new(vec3(&self.p, lane), vec3(&self.n, lane), outlook)
     }
 }
 
@@ -61,14 +59,14 @@ impl Learned {
             let (origin, direction) = (rays.origin.store(), rays.direction.store());
             let (t, normal) = (hits.t.store(), hits.normal.store());
             for lane in Lanes(active) {
-                let ray = Ray::new(vector(&origin, lane).to_array(), vector(&direction, lane).to_array());
+                let ray = Ray::new(vector(&origin, lane), vector(&direction, lane));
                 let hit = Hit {
                     t: t.0[lane],
                     u: 0.0,
                     v: 0.0,
                     primitive: 0,
                     instance: NO_INSTANCE,
-                    normal: vector(&normal, lane).to_array(),
+                    normal: vector(&normal, lane),
                 };
                 let (p, n) = met(&ray, &hit);
                 outlooks.0[lane] = self.outlook(s, p, n).number();
@@ -116,7 +114,7 @@ impl Learned {
             || {
                 let (from, direction, mut pdf) = (from.store(), direction.store(), otherwise.store());
                 for lane in Lanes(active) {
-                    let direction = vector(&direction, lane);
+                    let direction = vec3(&direction, lane);
                     pdf.0[lane] = self.pdf_environment(lights, &from.of(lane), direction, pdf.0[lane]);
                 }
                 Floats::load(s, &pdf)
@@ -167,9 +165,9 @@ impl Learned {
                     let mut found = Found::NOTHING;
                     for lane in Lanes(sky) {
                         let frame = Frame {
-                            s: vector(&frames[0], lane),
-                            t: vector(&frames[1], lane),
-                            n: vector(&frames[2], lane),
+                            s: vec3(&frames[0], lane),
+                            t: vec3(&frames[1], lane),
+                            n: vec3(&frames[2], lane),
                         };
                         let numbers = [select.0[lane], v.0[lane]];
                         match self.sample(lights, &from.of(lane), &frame, numbers) {
@@ -202,9 +200,9 @@ impl Found {
     fn add(&mut self, lane: usize, sample: &LightSample) {
         let LightTarget::Environment(radiance) = sample.target else { return };
         self.there |= 1 << lane;
-        set(&mut self.wi, lane, sample.wi.to_array());
+        set_vector(&mut self.wi, lane, sample.wi.to_array());
         self.pdf.0[lane] = sample.pdf;
-        set(&mut self.emission, lane, radiance.to_array());
+        set_vector(&mut self.emission, lane, radiance.to_array());
     }
 
     #[inline(always)]

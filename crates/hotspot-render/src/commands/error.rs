@@ -309,6 +309,14 @@ fn notes(reference: &Reference<'_>, configs: &[Config], args: &ErrorArgs) -> Vec
     if depths > 0 {
         notes.push("max-depth varies: what a shallower depth leaves out counts as error".to_owned());
     }
+    let samplers: Vec<_> =
+        configs.iter().flat_map(|c| &c.changes).filter(|c| matches!(c, Change::Sampler(_))).collect();
+    if samplers.len() > 1 {
+        notes.push(
+            "sampler varies: only paths of sobol points can go eight at a time, so seconds compare that as well"
+                .to_owned(),
+        );
+    }
     if !cfg!(feature = "flip") {
         notes.push(
             "flip is null: this program was built without the feature flip, which needs a C++ compiler"
