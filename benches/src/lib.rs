@@ -65,7 +65,7 @@ pub struct Variant {
     pub cost_spp: Option<u32>,
     /// Book the counts by what sent and by what was met.
     pub ledgers: bool,
-    /// Camera rays that are not counted go in packets, and few matte triangles' paths eight at a time.
+    /// Paths that are not counted go eight at a time where the scene allows, and their camera rays in packets.
     pub packets: bool,
 }
 

@@ -278,7 +278,8 @@ fn instrumentation_does_not_show() {
     }
 }
 
-/// Camera rays that are not counted go in packets, of sixteen samples and of what is left: in waves of 19 all in one wave.
+/// Paths that are not counted go eight at a time or one by one, their camera rays in packets, of sixteen samples and of what is left: in
+/// waves of 19 all in one wave.
 #[test]
 fn packets_do_not_show() {
     for (name, scene, camera) in scenes() {

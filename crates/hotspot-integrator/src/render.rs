@@ -25,8 +25,8 @@ pub struct Gather {
     pub radiance: bool,
     /// Counters.
     pub cost: bool,
-    /// Time per pixel: one clock reading per visit of a pixel. With [`Settings::cost_spp`] in a scene of few matte triangles, visits of
-    /// the counted samples alone: the others go eight at a time, from many pixels at once.
+    /// Time per pixel: one clock reading per visit of a pixel. With [`Settings::cost_spp`], visits of the counted samples alone where the
+    /// others go eight at a time ([`Rendered::eights`]), from many pixels at once.
     pub time: bool,
     /// Trace shadow rays. Off: they are counted only, which is right where ray counts alone are asked for and no radiance
     /// is (the paper's shortcut, section 4).
@@ -79,8 +79,8 @@ pub struct Settings {
     /// take does. `None`: 4, or 1 with a time limit.
     pub first_wave: Option<u32>,
     /// Trace camera rays that are not counted in packets where a scene's triangles are not much smaller than pixels, which is
-    /// faster and gives the same hits; and in scenes of few matte triangles, whole paths that are not counted eight at a time, which
-    /// gives the same pictures. (Rays that are counted go one at a time, so that each has visits of its own.) False is for comparisons.
+    /// faster and gives the same hits; and whole paths that are not counted eight at a time, which gives the same pictures. (Paths that are
+    /// counted go one at a time, so that each ray has visits of its own.) False is for comparisons.
     pub packets: bool,
 }
 
@@ -237,9 +237,10 @@ pub struct Rendered {
     pub learning_seconds: f64,
     /// Worker threads.
     pub threads: usize,
-    /// Name of the kernel of counted paths: tree, instruction set, scene class.
+    /// Name of the kernel of paths that go one by one, as counted ones do: tree, instruction set, scene class.
     pub kernel: String,
-    /// Whether samples that were not counted went eight at a time (scenes of few matte triangles).
+    /// Whether samples that were not counted went eight at a time: of Sobol points and with a picture, in scenes without instances,
+    /// environment pictures, lights without area, mixed, unlit and absorbing materials, and textured or cut-out emission.
     pub eights: bool,
     /// Samples whose radiance was not finite and counted as black, sorted; at most 64 per tile and wave are listed (which of more
     /// depends on the order in which they were taken).

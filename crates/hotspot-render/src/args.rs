@@ -122,8 +122,8 @@ pub(crate) struct RenderArgs {
     /// Camera samples per pixel [default: 64; 32 for --demo]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) spp: Option<u32>,
-    /// Count the cost on the first K samples of each pixel only; the rest run uninstrumented (and unclocked in scenes of few
-    /// matte triangles, whose uncounted paths go eight at a time)
+    /// Count the cost on the first K samples of each pixel only; the rest run uninstrumented (and unclocked in most scenes, where
+    /// uncounted paths go eight at a time)
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) cost_spp: Option<u32>,
     /// Keep two independent halves of the samples, for confidence intervals
