@@ -307,6 +307,8 @@ fn halves_are_even() {
     let document = json(&dir.path().join("cornell-box-red.json"));
     assert_eq!(document["samples_per_pixel"], 8);
     assert_eq!(document["cost_samples_per_pixel"], 4);
+    let page = std::fs::read_to_string(dir.path().join("cornell-box-red.html")).expect("a page");
+    assert!(page.contains("8, 4 counted"), "the page says of how many samples its maps are");
 }
 
 #[cfg(unix)]

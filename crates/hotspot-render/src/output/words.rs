@@ -51,7 +51,11 @@ pub(super) fn facts(document: &Document) -> Vec<Fact> {
     let [width, height] = document.resolution;
     let mut facts = Vec::new();
     if document.samples_per_pixel > 0 {
-        facts.push(Fact::new("Samples per pixel", document.samples_per_pixel));
+        let (samples, counted) = (document.samples_per_pixel, document.cost_samples_per_pixel);
+        // Under `--cost-spp` the maps are of fewer samples than the picture, and noisier.
+        let of_them =
+            if counted > 0 && counted < samples { format!(", {counted} counted") } else { String::new() };
+        facts.push(Fact::new("Samples per pixel", format!("{samples}{of_them}")));
     }
     facts.push(Fact::new("Size", format!("{width} × {height}")));
     if document.render.seconds > 0.0 {
