@@ -11,6 +11,7 @@ mod bsdf;
 pub(crate) mod math;
 mod path;
 mod sampler;
+mod surface;
 #[cfg(test)]
 mod tests;
 mod tree;
