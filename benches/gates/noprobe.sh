@@ -52,8 +52,8 @@ sed -i -E \
     -e 's/^use hotspot_probe::RayProbe;/use hotspot_probe::NoProbe;/' "$traverse"
 sed -i -E -e 's/traverse::(closest|any)::<S, P, /traverse::\1::<S, /; s/(traverse::.*), probe\)/\1)/' \
     "$target/without/crates/hotspot-bvh/src/lib.rs"
-sed -i -E -e 's/closest::<S, NoProbe, /closest::<S, /; s/NoFilter, NoProbe\)/NoFilter)/; /^use hotspot_probe::NoProbe;$/d' \
-    "$target/without/crates/hotspot-bvh/src/packet.rs"
+sed -i -E -e 's/_of_frame::<S, NoProbe, /_of_frame::<S, /; /^ *&mut NoProbe,$/d; s/, &mut NoProbe\)/)/; /^use hotspot_probe::NoProbe;$/d' \
+    "$target/without/crates/hotspot-bvh/src/packet.rs" "$target/without/crates/hotspot-bvh/src/lanes.rs"
 if grep -nE '(^|[^_])probe[.,:)]|\bP\b' "$traverse"; then
     echo "the probe is still in the twin: teach $0 the lines above" >&2
     exit 2
