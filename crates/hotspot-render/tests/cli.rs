@@ -300,6 +300,21 @@ fn pictures_of_an_earlier_render_do_not_stay_beside_a_json_that_does_not_know_th
     assert!(left.is_empty(), "{left:?}");
 }
 
+/// Of samples that are not counted nobody knows how many rays they cast.
+#[test]
+fn rays_per_second_are_said_where_all_are_counted() {
+    let dir = folder();
+    let (scene, out) = (scene("cornell-box-red"), dir.path().to_str().expect("UTF-8"));
+    for (more, says) in [(&[][..], true), (&["--cost-spp", "2"], false), (&["--no-radiance"], true)] {
+        let mut arguments = vec![scene.as_str(), "--size", "16x16", "--spp", "4", "-o", out];
+        arguments.extend(more);
+        let (said, told) = expect(0, &arguments);
+        let line = format!("{said}{told}");
+        assert!(line.contains("Msamples/s"), "{line}");
+        assert_eq!(line.contains("Mrays/s"), says, "{more:?}: {line}");
+    }
+}
+
 #[test]
 fn halves_are_even() {
     let dir = folder();

@@ -321,7 +321,9 @@ fn summarise(talker: &Talker, document: &Document, rendered: &Rendered) {
     let [width, height] = document.resolution;
     let pixels = f64::from(width) * f64::from(height);
     let rate = f64::from(rendered.samples) * pixels / rendered.seconds.max(1e-9) * 1e-6;
-    let rays = document.totals.get("rays").map_or(String::new(), |rays| {
+    // Under `--cost-spp` the rays of the other samples are not known.
+    let all_counted = document.samples.cost >= document.samples.radiance;
+    let rays = document.totals.get("rays").filter(|_| all_counted).map_or(String::new(), |rays| {
         format!(", {:.1} Mrays/s", rays.sum.as_f64() / rendered.seconds.max(1e-9) * 1e-6)
     });
     let threads = if rendered.threads == 1 { "thread" } else { "threads" };
