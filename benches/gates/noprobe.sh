@@ -53,7 +53,9 @@ sed -i -E \
 sed -i -E -e 's/traverse::(closest|any)::<S, P, /traverse::\1::<S, /; s/(traverse::.*), probe\)/\1)/' \
     "$target/without/crates/hotspot-bvh/src/lib.rs"
 sed -i -E -e 's/_of_frame::<S, NoProbe, /_of_frame::<S, /; /^ *&mut NoProbe,$/d; s/, &mut NoProbe\)/)/; /^use hotspot_probe::NoProbe;$/d' \
-    "$target/without/crates/hotspot-bvh/src/packet.rs" "$target/without/crates/hotspot-bvh/src/lanes.rs"
+    "$target/without/crates/hotspot-bvh/src/packet.rs"
+sed -i -E -e "s/_of_frame::<S, P::Ray<'_>, /_of_frame::<S, /; /^ *&mut probe,$/d; s/, &mut probe\)/)/" \
+    "$target/without/crates/hotspot-bvh/src/lanes.rs"
 if grep -nE '(^|[^_])probe[.,:)]|\bP\b' "$traverse"; then
     echo "the probe is still in the twin: teach $0 the lines above" >&2
     exit 2

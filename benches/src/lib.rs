@@ -65,12 +65,18 @@ pub struct Variant {
     pub cost_spp: Option<u32>,
     /// Book the counts by what sent and by what was met.
     pub ledgers: bool,
-    /// Paths that are not counted go eight at a time where the scene allows, and their camera rays in packets.
+    /// Paths go eight at a time where the scene allows, and camera rays that are not counted in packets.
     pub packets: bool,
 }
 
-const fn variant(name: &'static str, gather: Gather) -> Variant {
-    Variant { name, gather, intervals: false, cost_spp: None, ledgers: false, packets: true }
+/// Path by path.
+const fn single(name: &'static str, gather: Gather) -> Variant {
+    Variant { name, gather, intervals: false, cost_spp: None, ledgers: false, packets: false }
+}
+
+/// As `render` does it.
+const fn as_it_runs(name: &'static str, gather: Gather) -> Variant {
+    Variant { packets: true, ..single(name, gather) }
 }
 
 /// Counting without the clock: the kernel behind `rays`, `intersection`, `shading` and `cause`, which differ only in what
@@ -79,32 +85,39 @@ const COUNTERS: Gather = Gather { time: false, ..Gather::ALL };
 const CLOCK: Gather = Gather { cost: false, ..Gather::ALL };
 
 /// A render that counts nothing: what uncounted samples cost.
-pub const PLAIN: Variant = variant("none, as it runs", Gather::RADIANCE);
+pub const PLAIN: Variant = as_it_runs("none, as it runs", Gather::RADIANCE);
 
-/// A render that counts, without the clock and without ledgers.
-pub const COUNTING: Variant = variant("rays, intersection, shading, cause", COUNTERS);
+/// A render that counts, without the clock and without ledgers, path by path.
+pub const COUNTING: Variant = single("rays, intersection, shading, cause", COUNTERS);
 
-/// The metric groups, from none to everything. The first is the baseline: the very loop that the others run, which traces rays
-/// one at a time since each has counts of its own.
-pub const VARIANTS: [Variant; 8] = [
-    Variant { packets: false, ..variant("none, one ray at a time", Gather::RADIANCE) },
+/// The same as it runs, and a render by default.
+pub const COUNTING_AS_IT_RUNS: Variant = as_it_runs("rays … cause, as it runs", COUNTERS);
+/// The same with the clock and ledgers.
+pub const DEFAULT: Variant = Variant { ledgers: true, ..as_it_runs("all, as it runs", Gather::ALL) };
+
+/// The metric groups, from none to everything. The first is the baseline: the very loop that the others run, path by path. Those that go eight at
+/// a time where they can say that they are as it runs.
+pub const VARIANTS: [Variant; 10] = [
+    single("none, one ray at a time", Gather::RADIANCE),
     PLAIN,
-    variant("time", CLOCK),
+    single("time", CLOCK),
     COUNTING,
-    variant("the same and time", Gather::ALL),
-    Variant { ledgers: true, ..variant("all: with ledgers", Gather::ALL) },
-    Variant { ledgers: true, intervals: true, ..variant("all, --intervals", Gather::ALL) },
-    Variant { ledgers: true, cost_spp: Some(8), ..variant("all, --cost-spp 8", Gather::ALL) },
+    single("the same and time", Gather::ALL),
+    Variant { ledgers: true, ..single("all: with ledgers", Gather::ALL) },
+    Variant { ledgers: true, intervals: true, ..single("all, --intervals", Gather::ALL) },
+    Variant { ledgers: true, cost_spp: Some(8), ..as_it_runs("--cost-spp 8, as it runs", Gather::ALL) },
+    COUNTING_AS_IT_RUNS,
+    DEFAULT,
 ];
 
 /// Cost without the picture: the paper's shortcut (section 4) casts no shadow rays where ray counts are all that is asked
 /// for; beside it the same counts with shadow rays traced.
 pub const COST_ALONE: [Variant; 2] = [
-    variant(
+    single(
         "rays, no radiance, shadow rays untraced",
         Gather { radiance: false, cost: true, time: false, trace_shadow_rays: false },
     ),
-    variant(
+    single(
         "intersection, no radiance",
         Gather { radiance: false, cost: true, time: false, trace_shadow_rays: true },
     ),

@@ -169,7 +169,9 @@ fn threads_and_instruction_sets_do_not_show() {
         let portable = prepared(&scene, Isa::Portable);
         assert_eq!(portable.bvh().isa(), Isa::Portable);
         // Not a multiple of the tile's edge in either direction.
-        let mut settings = settings(75, 50, 6, 8, 11);
+        // Sixteen samples of a pixel and half go eight at a time, the others one by one.
+        let mut settings = settings(75, 50, 18, 8, 11);
+        settings.first_wave = Some(16);
         settings.intervals = true;
         let one = on_threads(1, &auto, &camera, &settings);
         assert!(one.costs().any(|cost| cost.get(Counter::Nodes) > 0), "{name}: nothing was counted");
@@ -215,7 +217,7 @@ fn what_is_learned_does_not_depend_on_threads() {
         // Roulette does not depend on the number of samples either (lights do): stopped early is what a shorter render gives.
         settings.light_choice = LightChoice::Power;
         let short = frame(&scene, &camera, &settings).frame;
-        settings.spp = 64;
+        (settings.spp, settings.first_wave) = (64, Some(4));
         let cancel = AtomicBool::new(true);
         let control = Control { cancel: Some(&cancel), ..Control::default() };
         let stopped = render(&scene, &camera, &settings, control);
@@ -246,7 +248,7 @@ fn instrumentation_does_not_show() {
         let scene = prepared(&scene, Isa::Auto);
         for intervals in [false, true] {
             let with = |gather: Gather, cost_spp: Option<u32>| {
-                let mut settings = settings(40, 27, 7, 15, 3);
+                let mut settings = settings(40, 27, 17, 15, 3);
                 settings.gather = gather;
                 settings.intervals = intervals;
                 settings.cost_spp = cost_spp;
@@ -257,12 +259,12 @@ fn instrumentation_does_not_show() {
             let timeless = with(Gather { time: false, ..Gather::ALL }, None);
             assert_same(&all, &timeless, &format!("{name}: clock off"));
             assert!(timeless.costs().all(|cost| cost.time_ns == 0 && cost.time_samples == 0));
-            let samples = u64::from(whole(7, intervals));
+            let samples = u64::from(whole(17, intervals));
             assert_eq!(all.costs().map(|cost| cost.time_samples).sum::<u64>(), 40 * 27 * samples);
             let blind = with(Gather { radiance: false, ..Gather::ALL }, None);
             assert_eq!(costs(&all), costs(&blind), "{name}: counters without a picture");
             // Counting the first samples alone.
-            for count in [0, 1, 4] {
+            for count in [0, 1, 4, 9] {
                 let part = with(Gather::ALL, Some(count));
                 assert_eq!(Digest::of(&part).radiance, Digest::of(&all).radiance, "{name}: cost_spp {count}");
                 let counted = u64::from(whole(count, intervals));
@@ -307,12 +309,12 @@ fn waves_do_not_show() {
 
 fn same_in_waves(scene: &RenderScene, camera: &Camera) {
     for intervals in [false, true] {
-        let mut settings = settings(33, 21, 13, 6, 5);
+        let mut settings = settings(33, 21, 37, 6, 5);
         settings.intervals = intervals;
         let plain = frame(scene, camera, &settings).frame;
         settings.time_limit = Some(Duration::from_secs(3600));
         let limited = frame(scene, camera, &settings);
-        assert_eq!((limited.stop, limited.samples), (Stop::Done, whole(13, intervals)));
+        assert_eq!((limited.stop, limited.samples), (Stop::Done, whole(37, intervals)));
         assert_same(&plain, &limited.frame, "with a time limit");
 
         // Stopped early: what was done is what a shorter render gives.
@@ -325,10 +327,10 @@ fn same_in_waves(scene: &RenderScene, camera: &Camera) {
             Control { cancel: Some(&cancel), progress: None, ..Control::default() },
         );
         assert_eq!(stopped.stop, Stop::Cancelled);
-        assert!(stopped.samples < 13);
+        assert!(stopped.samples < 37);
         settings.spp = stopped.samples;
         assert_same(&stopped.frame, &frame(scene, camera, &settings).frame, "stopped early");
-        settings.spp = 13;
+        settings.spp = 37;
         settings.time_limit = Some(Duration::ZERO);
         let expired = frame(scene, camera, &settings);
         assert_eq!((expired.stop, expired.samples), (Stop::TimeLimit, whole(1, intervals)));

@@ -7,7 +7,9 @@
 use hotspot_benches::trace::query;
 use hotspot_benches::trace::rays::{Kind, rays};
 use hotspot_benches::trace::soup::Soup;
-use hotspot_benches::{COUNTING, PLAIN, VARIANTS, Variant, run, scenes, subject_under};
+use hotspot_benches::{
+    COUNTING, COUNTING_AS_IT_RUNS, DEFAULT, PLAIN, VARIANTS, Variant, run, scenes, subject_under,
+};
 use hotspot_bvh::simd::Isa;
 use hotspot_bvh::{BuildOptions, Bvh};
 use std::hint::black_box;
@@ -68,6 +70,8 @@ fn main() {
             (&COUNTING, "counting"),
             (&VARIANTS[5], "booked"),
             (&VARIANTS[6], "booked-halves"),
+            (&COUNTING_AS_IT_RUNS, "counting-eights"),
+            (&DEFAULT, "booked-eights"),
         ];
         for (variant, what) in kinds {
             kernels.push((format!("path/{class}/{what}"), Box::new(move || path(scene, Isa::Auto, variant))));

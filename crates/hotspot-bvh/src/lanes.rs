@@ -17,7 +17,42 @@ use crate::rays::{Hits, Nearest, Rays};
 use crate::simd::{F8, Floats, Integers, Lanes, Simd, U8, Vectors, vector};
 use crate::traverse::{Best, any_of_frame, closest_of_frame};
 use crate::triangle::{CYCLES, FAR_QUANTA, FAR_SCALE, RayFrame};
-use hotspot_probe::NoProbe;
+use hotspot_probe::{NoProbe, RayProbe};
+
+/// Listens to the rays of eight lanes.
+pub trait LaneProbes {
+    /// The listener for one ray.
+    type Ray<'p>: RayProbe
+    where
+        Self: 'p;
+    /// The ray of a lane is about to be cast.
+    fn ray(&mut self, lane: usize) -> Self::Ray<'_>;
+    /// It has ended, and its listener is finished.
+    fn ended(&mut self);
+}
+
+impl LaneProbes for NoProbe {
+    type Ray<'p> = Self;
+
+    #[inline(always)]
+    fn ray(&mut self, _lane: usize) -> Self {
+        Self
+    }
+
+    #[inline(always)]
+    fn ended(&mut self) {}
+}
+
+/// Tells of the rays of `lanes` that nothing is visited by them.
+#[inline(always)]
+fn without_visits<P: LaneProbes>(lanes: u32, probes: &mut P) {
+    if P::Ray::<'_>::ON {
+        for lane in Lanes(lanes) {
+            probes.ray(lane).finish(false);
+            probes.ended();
+        }
+    }
+}
 
 /// [`RayFrame`]s in memory.
 struct Frames {
@@ -82,33 +117,38 @@ fn far<S: Simd>(s: S, inverse: Floats<S>) -> Floats<S> {
 
 impl Bvh {
     /// What the rays of lanes `active` (as bits) hit first in a tree without instances, but for the triangles `from`, of what each lane's
-    /// filter accepts: as [`Bvh::closest_hit_filtered`] finds it; [`Nearest::hits`] has the rest.
+    /// filter accepts: as [`Bvh::closest_hit_filtered`] finds it, and tells of it; [`Nearest::hits`] has the rest.
     ///
     /// # Panics
     /// May panic where the tree has instances.
     #[inline(always)]
-    pub fn closest_of_lanes<S: Simd, F: Filter + Copy>(
+    pub fn closest_of_lanes<S: Simd, F: Filter + Copy, P: LaneProbes>(
         &self,
         s: S,
         rays: &Rays<S>,
         from: Integers<S>,
         filters: &[F; 8],
         active: u32,
+        probes: &mut P,
     ) -> Nearest<S> {
         let (frames, from) = (Frames::new(s, rays), from.store());
         let (mut found, mut primitive, mut t) = (0, U8([0; 8]), F8([0.0; 8]));
         let asked = if self.root == Child::EMPTY { 0 } else { active & frames.finite };
+        without_visits(active & !asked, probes);
         for lane in Lanes(asked) {
             let frame = frames.frame(lane, f32::INFINITY);
             let mut filter = filters[lane];
-            let best = closest_of_frame::<S, NoProbe, F, false, 1>(
+            let mut probe = probes.ray(lane);
+            let best = closest_of_frame::<S, P::Ray<'_>, F, false, 1>(
                 s,
                 self,
                 &frame,
                 [from.0[lane]],
                 &mut filter,
-                &mut NoProbe,
+                &mut probe,
             );
+            probe.finish(best.found);
+            probes.ended();
             found |= u32::from(best.found) << lane;
             (primitive.0[lane], t.0[lane]) = (best.primitive, best.t);
         }
@@ -157,12 +197,16 @@ impl Bvh {
     }
 
     /// The rays of lanes `active` that are blocked before `t_max` in a tree without instances, by what each lane's filter accepts but for two
-    /// triangles of each: as [`Bvh::occluded_filtered`] says.
+    /// triangles of each: as [`Bvh::occluded_filtered`] says, and tells of it.
     ///
     /// # Panics
     /// May panic where the tree has instances.
     #[inline(always)]
-    pub fn occluded_lanes<S: Simd, F: Filter + Copy>(
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "rays, and for each lane what it is not to hit, who is asked and who listens"
+    )]
+    pub fn occluded_lanes<S: Simd, F: Filter + Copy, P: LaneProbes>(
         &self,
         s: S,
         rays: &Rays<S>,
@@ -170,17 +214,22 @@ impl Bvh {
         except: [Integers<S>; 2],
         filters: &[F; 8],
         active: u32,
+        probes: &mut P,
     ) -> u32 {
         let (frames, t_max) = (Frames::new(s, rays), t_max.store());
         let (from, to) = (except[0].store(), except[1].store());
         let mut occluded = 0;
         let asked = if self.root == Child::EMPTY { 0 } else { active & frames.finite };
+        without_visits(active & !asked, probes);
         for lane in Lanes(asked) {
             let frame = frames.frame(lane, t_max.0[lane]);
             let except = [from.0[lane], to.0[lane]];
             let mut filter = filters[lane];
+            let mut probe = probes.ray(lane);
             let hit =
-                any_of_frame::<S, NoProbe, F, false, 2>(s, self, &frame, except, &mut filter, &mut NoProbe);
+                any_of_frame::<S, P::Ray<'_>, F, false, 2>(s, self, &frame, except, &mut filter, &mut probe);
+            probe.finish(hit);
+            probes.ended();
             occluded |= u32::from(hit) << lane;
         }
         occluded

@@ -82,8 +82,8 @@ pub use metric::{CostModel, Metric, Sum};
 pub use metric_set::{MetricSet, UnknownMetric};
 pub use picture_change::PictureChange;
 pub use recorder::{
-    CostPixel, FilmPixel, PathCounts, PathEnd, PathRecorder, PixelRecorder, PixelVisit, RayCounter, Rect,
-    TileRecorder,
+    CostPixel, FilmPixel, PathCounts, PathEnd, PathRecorder, PathTally, PixelRecorder, PixelVisit,
+    RayCounter, Rect, TileRecorder,
 };
 pub use repeats::RepeatChange;
 pub use stats::{CiKind, Total};

@@ -2,8 +2,8 @@
 //!
 //! A [`TileRecorder`] belongs to one worker: no locks, no statics. For each pixel it opens a [`PixelRecorder`], that opens a
 //! [`PathRecorder`] for each path, that hands a [`RayCounter`] to each traversal. Who takes several samples of a pixel at once opens
-//! a [`PixelVisit`] (running sums, on the stack), whose [`PathCounts`] are the probe of one path after the other. Paths are never
-//! stored.
+//! a [`PixelVisit`] (running sums, on the stack), whose [`PathCounts`] are the probe of one path after the other; who traces them side by
+//! side gives each a [`PathTally`] and adds these in the order of samples.
 //!
 //! Sums are added sample by sample in the order of the calls, so that the result does not depend on how the samples are
 //! split into passes.
@@ -12,7 +12,7 @@ use crate::counter::{Cause, Counter};
 use crate::depth_cut::DepthCut;
 use hotspot_probe::{NONE, Probe, RayKind, Spawner};
 
-pub use path::{PathCounts, PixelVisit, RayCounter};
+pub use path::{PathCounts, PathTally, PixelVisit, RayCounter};
 
 /// A rectangle of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

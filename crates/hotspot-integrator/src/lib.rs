@@ -37,7 +37,7 @@ pub use geometry::{COPIES_THAT_PAY, Instancing};
 pub use hotspot_bvh::simd::Isa;
 pub use hotspot_bvh::{BuildOptions, Quality};
 pub use kernel::NonFinite;
-pub use render::{Control, Gather, LightChoice, Progress, Rendered, Settings, Stop, render};
+pub use render::{Control, Gather, LightChoice, Progress, Rendered, Settings, Stop, Waves, render};
 pub use roulette::Roulette;
 pub use sampler::SamplerKind;
 pub use scene::{PrepareError, PrepareOptions, RenderScene, SceneMemory};

@@ -25,7 +25,7 @@ use hotspot_cost::Cause;
 use hotspot_probe::{NONE, Probe, RayKind, Spawner};
 
 /// Rec.709.
-const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
+pub(crate) const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
 /// Settings of the loop.
 #[derive(Clone, Copy, Debug)]

@@ -2,14 +2,14 @@
 
 use crate::adaptive::{Plan, pilot};
 use crate::camera::FilmCamera;
-use crate::kernel::{Kernel, Lost, NonFinite, TileJob};
+use crate::kernel::{Kernel, Lost, NonFinite, SIDE_BY_SIDE, TileJob};
 use crate::lanes::LaneScene;
 use crate::light::{Learned, Lessons};
 use crate::path::PathSettings;
 use crate::roulette::{Pilot, Roulette, Survival};
 use crate::sampler::SamplerKind;
 use crate::scene::RenderScene;
-use hotspot_bvh::simd::dispatch;
+use hotspot_bvh::simd::{Isa, dispatch};
 use hotspot_cost::ledger::{Ledger, Ledgers, Payers};
 use hotspot_cost::{Frame, FrameDesc};
 use hotspot_scene::Camera;
@@ -25,8 +25,9 @@ pub struct Gather {
     pub radiance: bool,
     /// Counters.
     pub cost: bool,
-    /// Time per pixel: one clock reading per visit of a pixel. With [`Settings::cost_spp`], visits of the counted samples alone where the
-    /// others go eight at a time ([`Rendered::eights`]), from many pixels at once.
+    /// Time per pixel: one clock reading per visit of a pixel, in which its samples are taken one by one or side by side, with none of
+    /// other pixels. With [`Settings::cost_spp`], visits of the counted samples alone where the others go eight at a time
+    /// ([`Rendered::eights`]), from many pixels at once. Alone (without `cost`): of paths that go one by one.
     pub time: bool,
     /// Trace shadow rays. Off: they are counted only, which is right where ray counts alone are asked for and no radiance
     /// is (the paper's shortcut, section 4).
@@ -76,11 +77,11 @@ pub struct Settings {
     /// Width over height of the film where its pixels are not square; `None`: width over height in pixels.
     pub aspect: Option<f64>,
     /// Samples per pixel of the first wave, at least 1; the result does not depend on it, but the time that a pixel's visits
-    /// take does. `None`: 4, or 1 with a time limit.
+    /// take does. `None`: 1 with a time limit, else [`Waves::first`].
     pub first_wave: Option<u32>,
     /// Trace camera rays that are not counted in packets where a scene's triangles are not much smaller than pixels, which is
-    /// faster and gives the same hits; and whole paths that are not counted eight at a time, which gives the same pictures. (Paths that are
-    /// counted go one at a time, so that each ray has visits of its own.) False is for comparisons.
+    /// faster and gives the same hits; and whole paths eight at a time, which gives the same pictures and counts. (Each ray of a path that is
+    /// counted searches the tree by itself, so that it has visits of its own.) False is for comparisons.
     pub packets: bool,
 }
 
@@ -237,10 +238,10 @@ pub struct Rendered {
     pub learning_seconds: f64,
     /// Worker threads.
     pub threads: usize,
-    /// Name of the kernel of paths that go one by one, as counted ones do: tree, instruction set, scene class.
+    /// Name of the kernel of paths that go one by one: tree, instruction set, scene class.
     pub kernel: String,
-    /// Whether samples that were not counted went eight at a time: of Sobol points and with a picture, in scenes without instances,
-    /// environment pictures, lights without area, mixed, unlit and absorbing materials, and textured or cut-out emission.
+    /// Whether any paths went eight at a time (counted ones where a wave has at least eight of a pixel): of Sobol points, in scenes without
+    /// instances, environment pictures, lights without area, mixed, unlit and absorbing materials, and textured or cut-out emission; without AVX2 only paths that are not counted among few triangles.
     pub eights: bool,
     /// Samples whose radiance was not finite and counted as black, sorted; at most 64 per tile and wave are listed (which of more
     /// depends on the order in which they were taken).
@@ -287,8 +288,63 @@ const fn next_question(done: u64) -> u64 {
     (done / step + 1) * step
 }
 
-/// Waves are sized to take about this long, so that a render can be stopped and shows progress.
-const WAVE: Duration = Duration::from_millis(1000);
+/// How samples are split into waves: sized to take about a second, so that a render can be stopped and shows progress. Where counted samples may
+/// go eight at a time a wave may take three seconds to have enough of a pixel's for that.
+#[derive(Clone, Copy, Debug)]
+pub struct Waves {
+    /// Of the picture.
+    pub pixels: u64,
+    /// Samples per pixel in all.
+    pub total: u64,
+    /// Counted samples of a pixel from which on they go eight at a time, where they may.
+    pub least: Option<u64>,
+}
+
+impl Waves {
+    const SECONDS: f64 = 1.0;
+    const MOST_SECONDS: f64 = 3.0;
+    /// Samples of all pixels that a first wave of more than four may have: as many as hardly any scene takes many seconds for.
+    const MOST_AT_FIRST: u64 = 1 << 21;
+
+    /// Those of a render of so many pixels and samples of each. `eights`: whether counted paths may go eight at a time in its scene
+    /// ([`Rendered::eights`] says so).
+    pub fn new(settings: &Settings, eights: bool) -> Self {
+        let halves = if settings.intervals { 2 } else { 1 };
+        let total = u64::from(settings.spp).next_multiple_of(halves);
+        let counted =
+            settings.cost_spp.map_or(total, |spp| total.min(u64::from(spp).next_multiple_of(halves)));
+        let least = SIDE_BY_SIDE * if settings.gather.time { halves } else { 1 };
+        let least = Some(least).filter(|least| eights && settings.gather.cost && counted >= *least);
+        Self { pixels: u64::from(settings.width) * u64::from(settings.height), total, least }
+    }
+
+    /// Samples per pixel of the first wave of a render without a time limit.
+    pub fn first(&self) -> u64 {
+        match self.least {
+            // None are left that are too few.
+            Some(least) if self.pixels * least <= Self::MOST_AT_FIRST => {
+                if self.total < 2 * least {
+                    self.total
+                } else {
+                    least
+                }
+            }
+            _ => 4,
+        }
+    }
+
+    /// Samples per pixel of another, one of which takes so many seconds over the picture.
+    pub fn next(&self, seconds_per_sample: f64) -> u64 {
+        // Float to integer saturates.
+        let within = |seconds: f64| ((seconds / seconds_per_sample.max(1e-12)) as u64).max(1);
+        let wave = within(Self::SECONDS);
+        // Of twice the least, that go side by side with none of other pixels, little is lost.
+        match self.least.map(|least| (least, within(Self::MOST_SECONDS).min(2 * least))) {
+            Some((least, longer)) if longer >= least => wave.max(longer),
+            _ => wave,
+        }
+    }
+}
 
 /// Samples per pixel after which [`Control::watch`] looks first.
 const FIRST_LOOK: u64 = 8;
@@ -299,16 +355,25 @@ const FIRST_LOOK: u64 = 8;
 /// # Panics
 /// When width, height or spp is 0.
 pub fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control: Control<'_>) -> Rendered {
-    render_in_tiles(scene, camera, settings, control, 16)
+    render_somehow(scene, camera, settings, control, Way { tile: 16, portable_eights: false })
 }
 
-/// The same in tiles of another edge, which does not show.
-fn render_in_tiles(
+/// What does not show, and only tests ask for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Way {
+    /// Edge of the tiles.
+    pub(crate) tile: u32,
+    /// Let paths go eight at a time without AVX2 too, wherever they can.
+    pub(crate) portable_eights: bool,
+}
+
+/// The same in some way.
+pub(crate) fn render_somehow(
     scene: &RenderScene,
     camera: &Camera,
     settings: &Settings,
     control: Control<'_>,
-    tile: u32,
+    way: Way,
 ) -> Rendered {
     assert!(settings.spp > 0, "no samples to take");
     let gather = settings.gather;
@@ -317,7 +382,7 @@ fn render_in_tiles(
         height: settings.height,
         intervals: settings.intervals,
         cost: gather.cost || gather.time,
-        tile,
+        tile: way.tile,
     });
     // Both halves always have as many samples.
     let halves = frame.halves() as u64;
@@ -331,15 +396,17 @@ fn render_in_tiles(
     let pixels = u64::from(settings.width) * u64::from(settings.height);
     let total = whole(settings.spp);
     let path = settings.path(gather.trace_shadow_rays, &guides);
-    // Eight at a time go samples of which nothing but radiance is asked. Where some are counted, the clock reads those.
+    // Not where time alone is asked for: its clock reads paths that go one by one.
     let counted = if gather.cost { whole(settings.cost_spp.unwrap_or(u32::MAX)) } else { 0 };
     let in_eights = settings.packets
-        && counted < total
         && settings.sampler == SamplerKind::Sobol
-        && gather.radiance
+        && (gather.radiance || counted > 0)
         && gather.trace_shadow_rays
         && (!gather.time || counted > 0);
     let lanes = if in_eights { LaneScene::new(scene, &camera) } else { None };
+    // Without vectors of eight, path by path is faster, unless all triangles are tried.
+    let wide = scene.bvh.isa() == Isa::Avx2 || way.portable_eights;
+    let lanes = lanes.filter(|lanes| wide || lanes.few.is_some());
     let kernel = Kernel {
         scene,
         camera,
@@ -355,6 +422,7 @@ fn render_in_tiles(
         payers: payers.as_ref(),
         packets: settings.packets && scene.triangle_count() as u64 <= PACKED * pixels,
         lanes: lanes.as_ref(),
+        counted_in_eights: wide,
     };
     let isa = scene.bvh.isa();
     let pilot = if settings.adaptive { pilot(total) } else { None };
@@ -364,8 +432,10 @@ fn render_in_tiles(
     let mut non_finite = Vec::new();
     let mut non_finite_count = 0;
     let mut done = 0u64;
-    let default_wave = if settings.time_limit.is_some() { 1 } else { 4 };
-    let mut wave = u64::from(settings.first_wave.unwrap_or(default_wave).max(1));
+    let mut waves = Waves::new(settings, lanes.is_some() && wide);
+    let mut eights = false;
+    let default_wave = if settings.time_limit.is_some() { 1 } else { waves.first() };
+    let mut wave = settings.first_wave.map_or(default_wave, |wave| u64::from(wave.max(1)));
     // Spent in the caller's hooks.
     let mut outside = Duration::ZERO;
     let mut next_look = FIRST_LOOK;
@@ -379,6 +449,7 @@ fn render_in_tiles(
         let asked = control.enough.filter(|_| !settings.adaptive);
         let end = if asked.is_some() { end.min(next_question(done).next_multiple_of(halves)) } else { end };
         let samples = done..(done + wave.next_multiple_of(halves)).min(end);
+        eights |= kernel.in_eights(samples.clone(), gather.cost);
         let found: Vec<Lost> = frame
             .tiles_mut()
             .par_iter_mut()
@@ -447,15 +518,15 @@ fn render_in_tiles(
         let active = plan.as_ref().map_or(pixels, |plan| plan.active(done));
         let taken = taken.load(Ordering::Relaxed);
         let per_sample = elapsed.saturating_sub(outside).as_secs_f64() * (active as f64 / taken as f64);
-        let mut budget = WAVE.as_secs_f64();
+        waves.least = waves.least.filter(|_| done < counted);
+        wave = waves.next(per_sample);
         if let Some(limit) = settings.time_limit {
-            budget = budget.min(limit.as_secs_f64() - elapsed.as_secs_f64());
-            if budget < per_sample {
+            let left = limit.as_secs_f64() - elapsed.as_secs_f64();
+            if left < per_sample {
                 break Stop::TimeLimit;
             }
+            wave = wave.min((left / per_sample) as u64);
         }
-        // Float to integer saturates.
-        wave = ((budget / per_sample) as u64).max(1);
     };
     non_finite.sort_unstable();
     let seconds = start.elapsed().saturating_sub(outside).as_secs_f64();
@@ -475,7 +546,7 @@ fn render_in_tiles(
             isa.name(),
             if guides.learned.is_some() { "learned" } else { scene.class().name() }
         ),
-        eights: lanes.is_some(),
+        eights,
         non_finite,
         non_finite_count,
     }

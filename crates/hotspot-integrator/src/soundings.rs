@@ -48,6 +48,7 @@ pub fn sound(
         clock: false,
         payers: Some(&payers),
         lanes: None,
+        counted_in_eights: false,
         packets: true,
     };
     let frame = Frame::new(FrameDesc { tile: 1, ..FrameDesc::new(1, 1) });

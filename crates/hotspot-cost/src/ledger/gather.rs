@@ -12,7 +12,7 @@ use super::bins::{BinCounts, Bins, Key, RareCounts};
 use super::cells::{Aside, Cells, LEAVES, NODES, PAIRS, Pair, Row};
 use super::payers::{Column, NOWHERE, Payers, Place, Tree};
 use super::rows::{Ledgers, MatrixRow, PayerRow, SpawnerRow, Traversal};
-use crate::recorder::{PathCounts, PathEnd, PixelVisit};
+use crate::recorder::{PathCounts, PathEnd, PathTally, PixelVisit};
 use hotspot_probe::{NONE, Probe, RayKind, RayProbe, Spawner};
 
 /// The sums of one worker.
@@ -31,25 +31,36 @@ impl Ledger {
     /// Books the paths of a visit of a pixel as well as recording them.
     #[inline(always)]
     pub fn visit<'p>(&'p mut self, payers: &'p Payers, pixel: PixelVisit<'p>) -> BookedVisit<'p> {
+        let (pairs, state) = self.open(payers, pixel);
+        BookedVisit { pairs, state }
+    }
+
+    /// Books rays of paths that are traced side by side, as well as counting them.
+    #[inline(always)]
+    pub fn side_by_side<'p>(&'p mut self, payers: &'p Payers, paths: &'p mut [PathTally]) -> BookedPaths<'p> {
+        let (pairs, state) = self.open(payers, Tallies { paths, at: 0 });
+        BookedPaths { pairs, state }
+    }
+
+    #[inline(always)]
+    fn open<'p, K>(&'p mut self, payers: &'p Payers, counts: K) -> (&'p mut [u64], State<'p, K>) {
         let (pairs, aside) = self.cells.parts();
-        BookedVisit {
-            pairs,
-            state: State {
-                tree: payers.tree(),
-                key: Key::new(0, NONE, 0, 0, RayKind::Camera),
-                special: false,
-                sums: [[Pair::NOTHING; PAIRS]; 3],
-                left: 0,
-                rare: [0; 2],
-                inside: 0,
-                apart: [[0; 2]; PAIRS],
-                block: 0,
-                payers,
-                aside,
-                bins: &mut self.bins,
-                pixel,
-            },
-        }
+        let state = State {
+            tree: payers.tree(),
+            key: Key::new(0, NONE, 0, 0, RayKind::Camera),
+            special: false,
+            sums: [[Pair::NOTHING; PAIRS]; 3],
+            left: 0,
+            rare: [0; 2],
+            inside: 0,
+            apart: [[0; 2]; PAIRS],
+            block: 0,
+            payers,
+            aside,
+            bins: &mut self.bins,
+            counts,
+        };
+        (pairs, state)
     }
 
     /// Adds the sums of another worker of the same scene.
@@ -119,12 +130,81 @@ impl Ledger {
 pub struct BookedVisit<'p> {
     /// What rays visited, by spawner and place.
     pairs: &'p mut [u64],
-    state: State<'p>,
+    state: State<'p, PixelVisit<'p>>,
+}
+
+/// Paths that are traced side by side, whose rays are booked and counted.
+#[derive(Debug)]
+pub struct BookedPaths<'p> {
+    pairs: &'p mut [u64],
+    state: State<'p, Tallies<'p>>,
+}
+
+/// Has the counts of the path at hand: a visit of a pixel, or [`Tallies`].
+pub trait Keeper {
+    /// Those.
+    fn counts(&mut self) -> &mut PathCounts;
+}
+
+impl Keeper for PixelVisit<'_> {
+    #[inline(always)]
+    fn counts(&mut self) -> &mut PathCounts {
+        self.path()
+    }
+}
+
+/// Paths that are traced side by side, and which of them is at hand.
+#[derive(Debug)]
+pub struct Tallies<'p> {
+    paths: &'p mut [PathTally],
+    at: usize,
+}
+
+impl Keeper for Tallies<'_> {
+    #[inline(always)]
+    fn counts(&mut self) -> &mut PathCounts {
+        self.paths[self.at].counts()
+    }
+}
+
+impl<'p> BookedPaths<'p> {
+    /// Their tallies.
+    #[inline(always)]
+    pub fn tallies(&mut self) -> &mut [PathTally] {
+        self.state.counts.paths
+    }
+
+    /// A ray of path `at` is about to be cast; after it was finished, [`Self::end_ray`].
+    ///
+    /// # Panics
+    /// Where there is no such path.
+    #[inline(always)]
+    pub fn ray(&mut self, at: usize, by: Spawner) -> BookedRay<'_, 'p, Tallies<'p>> {
+        self.state.counts.at = at;
+        self.state.left = self.state.counts.paths[at].left;
+        self.state.ray(self.pairs, by)
+    }
+
+    /// The ray has ended.
+    #[inline(always)]
+    pub fn end_ray(&mut self) {
+        let State { sums, key, left, counts: Tallies { paths, at }, .. } = &mut self.state;
+        let path = &mut paths[*at];
+        path.left = *left;
+        // What it visited stands in the sums of its kind, and in those of blocked rays if it was one.
+        let shadow = key.kind() == RayKind::Shadow;
+        let [nodes, leaves] = &mut sums[usize::from(shadow)];
+        path.counts().add_visits(shadow, nodes.take(), leaves.take());
+        if shadow {
+            let [nodes, leaves] = &mut sums[BLOCKED];
+            path.counts().add_blocked(nodes.take()[0], leaves.take()[1]);
+        }
+    }
 }
 
 /// All that a path and a ray change but for the pairs, behind one address.
 #[derive(Debug)]
-struct State<'p> {
+struct State<'p, K> {
     tree: Tree<'p>,
     /// What sent the ray.
     key: Key,
@@ -147,7 +227,7 @@ struct State<'p> {
     aside: &'p mut Aside,
     bins: &'p mut Bins,
     /// Has all other counts.
-    pixel: PixelVisit<'p>,
+    counts: K,
 }
 
 /// In [`State::sums`]; the first two are those of a `bool`.
@@ -163,10 +243,10 @@ impl<'p> BookedVisit<'p> {
     }
 }
 
-impl State<'_> {
+impl<'p, K: Keeper> State<'p, K> {
     #[inline(always)]
     fn counts(&mut self) -> &mut PathCounts {
-        self.pixel.path()
+        self.counts.counts()
     }
 
     #[inline(always)]
@@ -174,6 +254,21 @@ impl State<'_> {
         // Only shadow rays aim.
         let light = if by.light == NONE { 0 } else { self.payers.light(by.light) };
         Key::new(spawner, by.material, light, by.bounce, by.kind)
+    }
+
+    /// A ray is about to be cast.
+    #[inline(always)]
+    fn ray<'r>(&'r mut self, pairs: &'r mut [u64], by: Spawner) -> BookedRay<'r, 'p, K> {
+        let spawner = self.payers.slot(by.object);
+        if by.kind == RayKind::Bounce {
+            // The path is where it leaves from: its last ray but for shadow rays has landed there.
+            self.left = self.aside.landed(self.left, spawner);
+        }
+        self.counts().untraced(by);
+        self.key = self.key_of(spawner, by);
+        let row = self.aside.row_of(pairs, spawner);
+        let shadow = by.kind == RayKind::Shadow;
+        BookedRay { before: self.sums[usize::from(shadow)], state: self, row, block: NONE, shadow }
     }
 
     /// A visit of very many boxes, or beyond every row.
@@ -314,8 +409,8 @@ impl State<'_> {
 
     /// Moves the path's sums of visits to its counts.
     fn count_sums(&mut self) {
-        let Self { sums, pixel, .. } = self;
-        let counts = pixel.path();
+        let Self { sums, counts, .. } = self;
+        let counts = counts.counts();
         for shadow in [false, true] {
             let [nodes, leaves] = &mut sums[usize::from(shadow)];
             counts.add_visits(shadow, nodes.take(), leaves.take());
@@ -337,30 +432,21 @@ impl BookedPath<'_, '_> {
     pub fn end(self, end: PathEnd) {
         let state = &mut self.visit.state;
         state.count_sums();
-        state.pixel.end(end);
+        state.counts.end(end);
     }
 }
 
 impl<'p> Probe for BookedPath<'_, 'p> {
     const ON: bool = true;
     type Ray<'r>
-        = BookedRay<'r, 'p>
+        = BookedRay<'r, 'p, PixelVisit<'p>>
     where
         Self: 'r;
 
     #[inline(always)]
-    fn ray(&mut self, by: Spawner) -> BookedRay<'_, 'p> {
+    fn ray(&mut self, by: Spawner) -> BookedRay<'_, 'p, PixelVisit<'p>> {
         let BookedVisit { pairs, state } = &mut *self.visit;
-        let spawner = state.payers.slot(by.object);
-        if by.kind == RayKind::Bounce {
-            // The path is where it leaves from: its last ray but for shadow rays has landed there.
-            state.left = state.aside.landed(state.left, spawner);
-        }
-        state.counts().untraced(by);
-        state.key = state.key_of(spawner, by);
-        let row = state.aside.row_of(pairs, spawner);
-        let shadow = by.kind == RayKind::Shadow;
-        BookedRay { before: state.sums[usize::from(shadow)], state, row, block: NONE, shadow }
+        state.ray(pairs, by)
     }
 
     #[inline(always)]
@@ -390,8 +476,8 @@ impl<'p> Probe for BookedPath<'_, 'p> {
 /// A ray that is booked and counted; it must be finished. It holds what stays or is seldom asked for, so that it can be
 /// registers where the traversal is part of the path loop, and little where that is a call.
 #[derive(Debug)]
-pub struct BookedRay<'r, 'p> {
-    state: &'r mut State<'p>,
+pub struct BookedRay<'r, 'p, K> {
+    state: &'r mut State<'p, K>,
     /// The spawner's row, by place.
     row: &'r mut Row,
     /// The sums of its kind without its visits.
@@ -401,7 +487,7 @@ pub struct BookedRay<'r, 'p> {
     shadow: bool,
 }
 
-impl BookedRay<'_, '_> {
+impl<K: Keeper> BookedRay<'_, '_, K> {
     #[inline(always)]
     fn visit(&mut self, id: u32, place: Option<Place>, pair: usize, boxes: u32) {
         let Some(visit) = Pair::visit(boxes) else { return self.state.odd_visit(id, pair, boxes) };
@@ -417,7 +503,7 @@ impl BookedRay<'_, '_> {
     }
 }
 
-impl RayProbe for BookedRay<'_, '_> {
+impl<K: Keeper> RayProbe for BookedRay<'_, '_, K> {
     #[inline(always)]
     fn node(&mut self, id: u32, boxes: u32) {
         self.visit(id, self.state.tree.node(id), NODES, boxes);

@@ -15,7 +15,7 @@ mod gather;
 mod payers;
 mod rows;
 
-pub use gather::{BookedPath, BookedRay, BookedVisit, Ledger};
+pub use gather::{BookedPath, BookedPaths, BookedRay, BookedVisit, Keeper, Ledger, Tallies};
 pub use payers::{Payer, PayerDesc, Payers};
 pub use rows::{Ledgers, MatrixRow, PayerRow, SpawnerKind, SpawnerRow, Traversal};
 

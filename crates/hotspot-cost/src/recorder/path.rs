@@ -48,6 +48,22 @@ struct Counts {
 }
 
 impl Counts {
+    #[inline(always)]
+    fn add(&mut self, other: &Self) {
+        for (sum, more) in self.visits.iter_mut().zip(&other.visits) {
+            sum.nodes += more.nodes;
+            sum.leaves += more.leaves;
+            sum.rays += more.rays;
+            sum.boxes_beyond_nodes = sum.boxes_beyond_nodes.wrapping_add(more.boxes_beyond_nodes);
+            sum.shapes_beyond_leaves = sum.shapes_beyond_leaves.wrapping_add(more.shapes_beyond_leaves);
+            sum.instances += more.instances;
+        }
+        self.bsdf += other.bsdf;
+        self.texture += other.texture;
+        self.texture_bytes += other.texture_bytes;
+        self.alpha_tests += other.alpha_tests;
+    }
+
     /// Rays, nodes, shapes.
     #[inline(always)]
     fn totals(&self) -> [u64; 3] {
@@ -57,7 +73,7 @@ impl Counts {
 }
 
 /// The counts of a path and of those before it in the same visit of a pixel: the [`Probe`] to hand to a path loop
-/// ([`PixelVisit::path`]). There is none but a visit's own: what it held before decides what a path is said to have counted.
+/// ([`PixelVisit::path`]), or those of one path alone ([`PathTally`]).
 #[derive(Debug)]
 pub struct PathCounts {
     counts: Counts,
@@ -135,6 +151,34 @@ impl Probe for PathCounts {
     #[inline(always)]
     fn light(&mut self, left: u32, luminance: f32) {
         self.near_limit |= self.cut.arrive(left, luminance);
+    }
+}
+
+/// The counts of one path among others that are traced side by side ([`PixelVisit::add`]).
+#[derive(Debug)]
+pub struct PathTally {
+    counts: PathCounts,
+    /// Where ledgers keep how paths went on from the object that it left last.
+    pub(crate) left: usize,
+}
+
+impl PathTally {
+    /// A path that has counted nothing.
+    #[inline(always)]
+    pub fn new() -> Self {
+        Self { counts: PathCounts::none(), left: 0 }
+    }
+
+    /// Its probe.
+    #[inline(always)]
+    pub fn counts(&mut self) -> &mut PathCounts {
+        &mut self.counts
+    }
+}
+
+impl Default for PathTally {
+    fn default() -> Self {
+        Self::new()
     }
 }
 
@@ -217,6 +261,20 @@ impl<'t> PixelVisit<'t> {
     #[inline(always)]
     pub fn path(&mut self) -> &mut PathCounts {
         &mut self.path
+    }
+
+    /// Adds a path that was traced beside others, and ends it: as if it had been traced here.
+    #[inline(always)]
+    pub fn add(&mut self, path: &PathTally, end: PathEnd) {
+        let PathTally { counts: PathCounts { counts, blocked, cut, near_limit }, .. } = path;
+        let sums = &mut self.path;
+        sums.counts.add(counts);
+        sums.blocked = *blocked;
+        if *near_limit {
+            sums.cut = *cut;
+            sums.near_limit = true;
+        }
+        self.end(end);
     }
 
     /// Ends the path.

@@ -187,6 +187,7 @@ fn check(name: &str, scene: &Scene, instancing: Instancing) -> Held {
         clock: false,
         payers: None,
         lanes: None,
+        counted_in_eights: false,
         packets: true,
     };
     let mut held = Held::default();

@@ -3,6 +3,7 @@
 //! Matte and substrate are computed for all lanes; of what is neither each is asked by itself, and so are textures.
 
 use super::LaneScene;
+use super::counts::Lookups;
 use super::math::{pow5, sin_cos_turn, square_to_cosine_hemisphere, vec3};
 use crate::bsdf::Bsdf;
 use crate::class::Class;
@@ -11,8 +12,8 @@ use crate::math::{FRAC_1_PI, PI};
 use crate::scene::RenderScene;
 use crate::surface::resolve;
 use glam::Vec2;
-use hotspot_bvh::NoProbe;
 use hotspot_bvh::simd::{F8, Floats, Integers, Lanes, Mask, Simd, U8, Vectors, set_vector};
+use hotspot_probe::{NoProbe, Probe};
 
 /// How a material scatters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,11 +112,11 @@ impl Places {
 
     /// What its material is there.
     #[inline(always)]
-    fn bsdf<C: Class>(&self, scene: &RenderScene, lane: usize, front: u32) -> Bsdf {
+    fn bsdf<C: Class, P: Probe>(&self, scene: &RenderScene, lane: usize, front: u32, probe: &mut P) -> Bsdf {
         let (surface, attributes) = self.surface::<C>(scene, lane);
         let material = &scene.materials[surface.part.material as usize];
         let front = front >> lane & 1 != 0;
-        resolve::<_, C>(scene, &material.bsdf, &attributes, front, 0.0, &mut NoProbe)
+        resolve::<_, C>(scene, &material.bsdf, &attributes, front, 0.0, probe)
     }
 }
 
@@ -138,8 +139,8 @@ impl<S: Simd> BsdfLanes<S> {
         (lanes, scene): (&LaneScene, &RenderScene),
         (part, kind): (Integers<S>, Integers<S>),
         at: At<S>,
-        front: Mask<S>,
-        alive: u32,
+        (front, alive): (Mask<S>, u32),
+        lookups: &mut [Lookups; 8],
     ) -> Self {
         let [r, g, b, x, y, z, alpha, _] =
             Floats::gather_eights(lanes.rows.as_flattened(), part.shift_left::<4>() + 8);
@@ -162,7 +163,7 @@ impl<S: Simd> BsdfLanes<S> {
         if C::TEXTURED {
             let varies = (kind & VARIES).is(VARIES).bits() & alive & !this.others;
             if varies != 0 {
-                this = this.varied::<C>(s, scene, varies);
+                this = this.varied::<C>(s, scene, varies, lookups);
             }
         }
         this
@@ -170,7 +171,7 @@ impl<S: Simd> BsdfLanes<S> {
 
     /// With what textures say in lanes `asked`.
     #[inline(never)]
-    fn varied<C: Class>(self, s: S, scene: &RenderScene, asked: u32) -> Self {
+    fn varied<C: Class>(self, s: S, scene: &RenderScene, asked: u32, lookups: &mut [Lookups; 8]) -> Self {
         s.vectorize(
             #[inline(always)]
             || {
@@ -178,7 +179,7 @@ impl<S: Simd> BsdfLanes<S> {
                 let (mut color, mut specular) = (self.color.store(), self.specular.store());
                 let mut alpha = self.alpha.store();
                 for lane in Lanes(asked) {
-                    match places.bsdf::<C>(scene, lane, self.front) {
+                    match places.bsdf::<C, _>(scene, lane, self.front, &mut lookups[lane]) {
                         Bsdf::Matte(reflectance) => set_vector(&mut color, lane, reflectance.to_array()),
                         Bsdf::Substrate(substrate) => {
                             set_vector(&mut color, lane, substrate.diffuse.to_array());
@@ -237,6 +238,7 @@ impl<S: Simd> BsdfLanes<S> {
         wo: Vectors<S>,
         [lobe, v]: [Floats<S>; 2],
         asked: u32,
+        lookups: &mut [Lookups; 8],
     ) -> SampledLanes<S> {
         let (zero, one) = (Floats::splat(s, 0.0), Floats::splat(s, 1.0));
         let half = Floats::splat(s, 0.5);
@@ -262,7 +264,7 @@ impl<S: Simd> BsdfLanes<S> {
         let there = zero.less(sample.pdf) & sample.weight.any();
         sample.there &= there.bits();
         if C::LOBES && self.others & asked != 0 {
-            sample = self.sample_others::<C>(s, scene, wo, [lobe, v], sample, self.others & asked);
+            sample = self.sample_others::<C>(s, scene, wo, [lobe, v], (sample, self.others & asked), lookups);
         }
         sample
     }
@@ -318,7 +320,7 @@ impl<S: Simd> BsdfLanes<S> {
                 let (places, wo, wi) = (self.at.store(), wo.store(), wi.store());
                 let (mut f_cos, mut pdf) = (f_cos.store(), pdf.store());
                 for lane in Lanes(asked) {
-                    let bsdf = places.bsdf::<C>(scene, lane, self.front);
+                    let bsdf = places.bsdf::<C, _>(scene, lane, self.front, &mut NoProbe);
                     let (f, p) = bsdf.eval(vec3(&wo, lane), vec3(&wi, lane));
                     set_vector(&mut f_cos, lane, f.to_array());
                     pdf.0[lane] = p;
@@ -335,8 +337,8 @@ impl<S: Simd> BsdfLanes<S> {
         scene: &RenderScene,
         wo: Vectors<S>,
         [lobe, v]: [Floats<S>; 2],
-        sample: SampledLanes<S>,
-        asked: u32,
+        (sample, asked): (SampledLanes<S>, u32),
+        lookups: &mut [Lookups; 8],
     ) -> SampledLanes<S> {
         s.vectorize(
             #[inline(always)]
@@ -347,7 +349,7 @@ impl<S: Simd> BsdfLanes<S> {
                 let (mut pdf, mut eta_scale) = (sample.pdf.store(), sample.eta_scale.store());
                 let mut there = sample.there & !asked;
                 for lane in Lanes(asked) {
-                    let bsdf = places.bsdf::<C>(scene, lane, self.front);
+                    let bsdf = places.bsdf::<C, _>(scene, lane, self.front, &mut lookups[lane]);
                     let (choice, u) = bsdf.choose_lobe(lobe.0[lane]);
                     let Some(one) = bsdf.sample(vec3(&wo, lane), choice, Vec2::new(u, v.0[lane])) else {
                         continue;

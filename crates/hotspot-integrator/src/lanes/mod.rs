@@ -1,13 +1,15 @@
 //! Eight paths at once, a lane each.
 //!
 //! What is not tracing (sampler, light, BSDF, normals, points) is more than half of a path, and most of it is the same for every path: so
-//! samples that are not counted go eight at a time, in the lanes of vectors ([`path`]). In scenes of some dozens of triangles their rays try
+//! paths go eight at a time, in the lanes of vectors ([`path`]). In scenes of some dozens of triangles their rays try
 //! all triangles at once ([`hotspot_bvh::few`]); in others each searches the tree by itself ([`tree`]). Each formula is that of the single
 //! path ([`crate::path`]), in the same order of operations, so pictures are the same bit for bit.
 //!
-//! Counted samples go one by one.
+//! Paths that are counted ([`counts`]) go eight at a time as well, where a wave has at least eight of a pixel: each of their rays searches the tree,
+//! and all that go side by side are of one pixel, so that its time can be read when they are done.
 
 mod bsdf;
+mod counts;
 pub(crate) mod math;
 mod path;
 mod sampler;
@@ -22,6 +24,7 @@ use crate::geometry::{Part, SurfacePoint};
 use crate::light::LightLanes;
 use crate::scene::RenderScene;
 use bsdf::{BUMPY, Kind, VARIES};
+pub(crate) use counts::{Counted, End, Listener};
 use glam::Vec3;
 use hotspot_bvh::few::FewTriangles;
 use hotspot_bvh::simd::{Doubles, Floats, Integers, Lanes, Mask, Simd, Vectors, set_vector};
@@ -33,8 +36,8 @@ pub(crate) use sampler::points_table;
 /// What paths in lanes read of a scene, beside its geometry.
 #[derive(Clone, Debug)]
 pub(crate) struct LaneScene {
-    /// Where all triangles are tried instead of searched.
-    few: Option<FewTriangles>,
+    /// Where all triangles are tried instead of searched, as long as nobody counts visits.
+    pub(crate) few: Option<FewTriangles>,
     lights: LightLanes,
     /// Of each part ([`PartLanes`]).
     rows: Vec<[f32; ROW]>,

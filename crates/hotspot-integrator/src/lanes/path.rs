@@ -5,20 +5,23 @@
 //! for all of them; what few need (doubtful rays, points at edges) is done one by one, by the same code as for single paths.
 
 use super::bsdf::{At, BUMPY, BsdfLanes};
+use super::counts::{Counted, Lookups, Senders};
 use super::math::{FrameLanes, facing, max_element, power_heuristic};
 use super::sampler::Points;
 use super::surface::{bumped_normals, points, shading_normals};
-use super::{LaneScene, PointLanes, tree};
+use super::tree::{self, Query};
+use super::{LaneScene, PointLanes};
 use crate::camera::FilmCamera;
 use crate::class::{Class, Feature, MatteClass, has};
 use crate::light::{LightSamples, ViewpointLanes};
 use crate::path::PathSettings;
 use crate::roulette::LEAST_BASE;
 use crate::scene::RenderScene;
-use hotspot_bvh::few::Tried;
+use hotspot_bvh::few::{FewTriangles, Tried};
 use hotspot_bvh::rays::{Hits, Nearest, Rays};
 use hotspot_bvh::simd::{Floats, Integers, Lanes, Mask, Simd, U8, Vectors};
-use hotspot_probe::NONE;
+use hotspot_cost::Cause;
+use hotspot_probe::{NONE, RayKind};
 
 /// Samples to take.
 #[derive(Clone, Debug, Default)]
@@ -53,6 +56,8 @@ impl SampleList {
 pub(crate) struct View<'a> {
     pub(crate) scene: &'a RenderScene,
     pub(crate) lanes: &'a LaneScene,
+    /// Where all triangles are tried.
+    pub(crate) few: Option<&'a FewTriangles>,
     /// Whether camera rays go in packets.
     pub(crate) packets: bool,
     pub(crate) camera: &'a FilmCamera,
@@ -113,13 +118,15 @@ const fn rows_of<C: Class>() -> usize {
 /// The paths that wait, number by number ([`Paths::rows`]).
 struct Pool([[f32; WAITING]; ROWS]);
 
-/// Takes all samples of a list; their radiance goes to `found`, in the list's order.
+/// Takes all samples of a list; their radiance goes to `found`, in the list's order. Where they are `counted`, no triangles are tried and no
+/// rays go in packets: what they visit is what is counted.
 #[inline(always)]
 pub(crate) fn trace_samples<S: Simd, C: Class>(
     s: S,
     view: &View<'_>,
     list: &SampleList,
     found: &mut Vec<[f32; 3]>,
+    mut counted: Option<&mut Counted<'_>>,
 ) {
     found.clear();
     found.resize(list.len(), [0.0; 3]);
@@ -139,7 +146,7 @@ pub(crate) fn trace_samples<S: Simd, C: Class>(
             let first = next;
             next = list.len().min(next + 8);
             let paths = Paths::starting(s, view, list, first as u32);
-            if view.packets && view.lanes.few.is_none() {
+            if view.packets {
                 // Camera rays go sixteen at a time; the second eight paths wait for their turn.
                 let second = next;
                 next = list.len().min(next + 8);
@@ -159,7 +166,7 @@ pub(crate) fn trace_samples<S: Simd, C: Class>(
             return;
         }
         let all = (1 << count) - 1;
-        let alive = paths.step::<C>(s, view, all, known);
+        let alive = paths.step::<C>(s, view, all, known, counted.as_deref_mut());
         let ended = all & !alive;
         if ended != 0 {
             let (numbers, [x, y, z]) = (paths.number.store(), paths.radiance.store());
@@ -275,11 +282,18 @@ impl<S: Simd> Paths<S> {
 
     /// One segment further: from the present rays to their hits, `known` where they are, and on. The lanes that go on.
     #[inline(always)]
-    fn step<C: Class>(&mut self, s: S, view: &View<'_>, mut alive: u32, known: Option<Nearest<S>>) -> u32 {
+    fn step<C: Class>(
+        &mut self,
+        s: S,
+        view: &View<'_>,
+        mut alive: u32,
+        known: Option<Nearest<S>>,
+        mut counted: Option<&mut Counted<'_>>,
+    ) -> u32 {
         let View { scene, lanes, .. } = *view;
         let learned = if C::LEARNED { view.settings.learned } else { None };
         let zero = Floats::splat(s, 0.0);
-        let hits = self.hits::<C>(s, view, alive, known);
+        let hits = self.hits::<C>(s, view, alive, known, counted.as_deref_mut());
         let escaped = alive & !hits.found;
         if escaped != 0
             && let Some((sky, mut pdf)) = lanes.lights.escaped(s, self.scattered_cos)
@@ -289,8 +303,14 @@ impl<S: Simd> Paths<S> {
                 pdf = learned.pdfs_environment(s, &scene.lights, from, d, pdf, escaped);
             }
             let weight = power_heuristic(s, self.scattered_pdf, pdf);
-            let found = self.radiance + (self.throughput * sky).scaled(weight);
-            self.radiance = found.or_where_not(Mask::of_bits(s, escaped), self.radiance);
+            let found = (self.throughput * sky).scaled(weight);
+            self.radiance = (self.radiance + found).or_where_not(Mask::of_bits(s, escaped), self.radiance);
+            if let Some(counted) = &mut counted {
+                counted.light(s, self.number, found, self.scatterings_left(s, view), escaped);
+            }
+        }
+        if let Some(counted) = &mut counted {
+            counted.end(Cause::Escaped, self.number, max_element(self.throughput), escaped);
         }
         alive &= hits.found;
         if alive == 0 {
@@ -302,6 +322,12 @@ impl<S: Simd> Paths<S> {
         };
         let primitive = hits.primitive;
         let part = Integers::gather(&scene.geometry.part_of, primitive);
+        if let Some(counted) = &mut counted {
+            let first = self.bounces.is(0).bits() & alive;
+            if first != 0 {
+                counted.land(scene, &self.number.store(), &part.store(), first);
+            }
+        }
         let surface = lanes.parts(part);
         let geometric = hits.normal;
         let wo = -self.rays.direction;
@@ -321,8 +347,15 @@ impl<S: Simd> Paths<S> {
             let weight = power_heuristic(s, self.scattered_pdf, light_pdf);
             let found = (self.throughput * surface.emission).scaled(weight);
             self.radiance = (self.radiance + found).or_where_not(shines, self.radiance);
+            if let Some(counted) = &mut counted {
+                counted.light(s, self.number, found, self.scatterings_left(s, view), shines.bits());
+            }
         }
-        alive &= !self.bounces.is(view.settings.max_depth).bits();
+        let deepest = self.bounces.is(view.settings.max_depth).bits() & alive;
+        if let Some(counted) = &mut counted {
+            counted.end(Cause::DepthLimit, self.number, max_element(self.throughput), deepest);
+        }
+        alive &= !deepest;
         if alive == 0 {
             return 0;
         }
@@ -334,25 +367,34 @@ impl<S: Simd> Paths<S> {
         let front = zero.less_equal(wo.dot(smooth));
         let at = At { primitive, u: hits.u, v: hits.v };
         let mut normal = smooth.or_where_not(front, -smooth);
+        let mut lookups = Lookups::NONE;
         if C::TEXTURED {
             let bumpy = (surface.kind & BUMPY).is(BUMPY).bits() & alive;
             if bumpy != 0 {
-                normal = bumped_normals::<S, C>(s, scene, &at, [smooth, wo, normal], bumpy);
+                normal = bumped_normals::<S, C>(s, scene, &at, [smooth, wo, normal], bumpy, &mut lookups);
             }
         }
         let frame = FrameLanes::new(s, normal);
         let local_wo = frame.to_local(wo);
         let point = points(s, view, &hits, alive);
-        let bsdf = BsdfLanes::new::<C>(s, (lanes, scene), (part, surface.kind), at, front, alive);
+        let bsdf =
+            BsdfLanes::new::<C>(s, (lanes, scene), (part, surface.kind), at, (front, alive), &mut lookups);
         let viewpoint = ViewpointLanes { p: point.p, n: frame.n, outlook };
         let vertex = Vertex { primitive, geometric, frame, local_wo, point, viewpoint, bsdf };
         let lit = alive & !bsdf.speculars;
         if lit != 0 {
-            self.add_direct_light::<C>(s, view, &vertex, lit);
+            self.add_direct_light::<C>(s, view, &vertex, lit, counted.as_deref_mut());
         }
 
         // The BSDF's direction.
-        let sample = bsdf.sample::<C>(s, scene, local_wo, [u, v], alive);
+        let sample = bsdf.sample::<C>(s, scene, local_wo, [u, v], alive, &mut lookups);
+        if let Some(counted) = &mut counted {
+            counted.bsdfs(s, self.number, alive);
+            if C::TEXTURED {
+                counted.textures(&self.number.store(), &lookups);
+            }
+            counted.end(Cause::Absorbed, self.number, max_element(self.throughput), alive & !sample.there);
+        }
         alive &= sample.there;
         self.throughput = self.throughput * sample.weight;
         if C::LOBES {
@@ -367,7 +409,11 @@ impl<S: Simd> Paths<S> {
             let relative = Floats::splat(s, gain) / weight.max(least);
             self.survival_scale = at_first.select(self.survival_scale * relative, self.survival_scale);
         }
+        let before = (alive, self.throughput);
         alive = self.survivors(s, view.settings.roulette.from, alive);
+        if let Some(counted) = &mut counted {
+            counted.end(Cause::Roulette, self.number, max_element(before.1), before.0 & !alive);
+        }
 
         let wi = frame.to_world(sample.wi);
         let origin = point.leave(facing(s, geometric, wi));
@@ -393,16 +439,40 @@ impl<S: Simd> Paths<S> {
         }
     }
 
+    /// What sends rays from and to these triangles.
+    #[inline(always)]
+    fn senders<'a>(&self, scene: &'a RenderScene, kind: RayKind, [from, to]: [U8; 2]) -> Senders<'a> {
+        let (number, bounces) = (self.number.store(), self.bounces.store());
+        Senders { scene, kind, number, from, to, bounces }
+    }
+
+    /// How many scattering events more the depth limit would allow.
+    #[inline(always)]
+    fn scatterings_left(&self, s: S, view: &View<'_>) -> Integers<S> {
+        Integers::splat(s, view.settings.max_depth) - self.bounces
+    }
+
     /// What the rays hit.
     #[inline(always)]
-    fn hits<C: Class>(&self, s: S, view: &View<'_>, active: u32, known: Option<Nearest<S>>) -> Hits<S> {
-        let View { scene, lanes, .. } = *view;
-        let Some(few) = &lanes.few else {
-            let nearest = match known {
-                Some(nearest) => nearest,
-                None => {
-                    let keys = self.ray_keys::<C>(s, 0);
-                    tree::nearest::<S, C>(s, scene, &self.rays, self.from, keys, active)
+    fn hits<C: Class>(
+        &self,
+        s: S,
+        view: &View<'_>,
+        active: u32,
+        known: Option<Nearest<S>>,
+        counted: Option<&mut Counted<'_>>,
+    ) -> Hits<S> {
+        let View { scene, few, .. } = *view;
+        let Some(few) = few else {
+            let keys = self.ray_keys::<C>(s, 0);
+            let query = Query { scene, rays: &self.rays, from: self.from, keys, active };
+            let nearest = match (known, counted) {
+                (Some(nearest), _) => nearest,
+                (None, None) => query.nearest::<C>(s),
+                (None, Some(counted)) => {
+                    let from = self.from.store();
+                    let senders = self.senders(scene, RayKind::Bounce, [from, from]);
+                    query.nearest_counted::<C>(s, &mut counted.listener, &senders)
                 }
             };
             return tree::hits(s, scene, &self.rays, nearest);
@@ -455,12 +525,22 @@ impl<S: Simd> Paths<S> {
 
     /// The light-sampled half of direct light.
     #[inline(always)]
-    fn add_direct_light<C: Class>(&mut self, s: S, view: &View<'_>, vertex: &Vertex<S>, active: u32) {
-        let View { scene, lanes, .. } = *view;
+    fn add_direct_light<C: Class>(
+        &mut self,
+        s: S,
+        view: &View<'_>,
+        vertex: &Vertex<S>,
+        active: u32,
+        mut counted: Option<&mut Counted<'_>>,
+    ) {
+        let View { scene, few, .. } = *view;
         let zero = Floats::splat(s, 0.0);
         let light = self.light_samples::<C>(s, view, vertex, active);
         if light.there == 0 {
             return;
+        }
+        if let Some(counted) = &mut counted {
+            counted.bsdfs(s, self.number, light.there);
         }
         let wi = vertex.frame.to_local(light.wi);
         let (f_cos, pdf) = vertex.bsdf.eval::<C>(s, scene, vertex.local_wo, wi, light.there);
@@ -476,13 +556,14 @@ impl<S: Simd> Paths<S> {
         let mut rays = Rays { origin, direction: target - origin };
         let mut ends = [vertex.primitive, light.primitive];
         let mut dark;
-        if let Some(few) = &lanes.few {
+        if let Some(few) = few {
             let blocked = few.blocked(s, &rays, ends, lit);
             dark = blocked.surely;
             if blocked.doubtful != 0 {
                 let t_max = Floats::splat(s, 1.0);
                 let keys = Integers::splat(s, 0);
-                dark |= tree::blocked::<S, MatteClass>(s, scene, &rays, t_max, ends, keys, blocked.doubtful);
+                let query = Query { scene, rays: &rays, from: ends[0], keys, active: blocked.doubtful };
+                dark |= query.blocked::<MatteClass>(s, ends[1], t_max);
             }
         } else {
             let mut t_max = Floats::splat(s, 1.0);
@@ -493,12 +574,25 @@ impl<S: Simd> Paths<S> {
                 ends[1] = Integers::splat(s, NONE).or_where_not(sky, ends[1]);
             }
             let keys = self.ray_keys::<C>(s, 1);
-            dark = tree::blocked::<S, C>(s, scene, &rays, t_max, ends, keys, lit);
+            let query = Query { scene, rays: &rays, from: ends[0], keys, active: lit };
+            dark = match &mut counted {
+                None => query.blocked::<C>(s, ends[1], t_max),
+                Some(counted) => {
+                    let places = [ends[0].store(), ends[1].store()];
+                    let senders = self.senders(scene, RayKind::Shadow, places);
+                    query.blocked_counted::<C>(s, (ends[1], t_max), &mut counted.listener, &senders)
+                }
+            };
         }
         let weight = power_heuristic(s, light.pdf, pdf) / light.pdf;
         let direct = (f_cos * light.emission).scaled(weight);
-        let found = self.radiance + self.throughput * direct;
-        self.radiance = found.or_where_not(Mask::of_bits(s, lit & !dark), self.radiance);
+        let found = self.throughput * direct;
+        let shown = lit & !dark;
+        self.radiance = (self.radiance + found).or_where_not(Mask::of_bits(s, shown), self.radiance);
+        if let Some(counted) = counted {
+            let left = self.scatterings_left(s, view) - 1;
+            counted.light(s, self.number, found, left, shown);
+        }
     }
 }
 
@@ -516,8 +610,9 @@ fn hits_of_doubtful<S: Simd>(
         || {
             // Few triangles are all there.
             let keys = Integers::splat(s, 0);
-            let nearest =
-                tree::nearest::<S, MatteClass>(s, view.scene, &paths.rays, paths.from, keys, doubtful);
+            let rays = &paths.rays;
+            let query = Query { scene: view.scene, rays, from: paths.from, keys, active: doubtful };
+            let nearest = query.nearest::<MatteClass>(s);
             let found = tree::hits(s, view.scene, &paths.rays, nearest);
             let sure = Mask::of_bits(s, !doubtful);
             let [a, b, c] = hits.corners;

@@ -1,13 +1,13 @@
 //! The surface at eight hits: normals, bumps, and the points that rays leave from.
 
 use super::bsdf::At;
+use super::counts::Lookups;
 use super::math::vec3;
 use super::path::View;
 use super::{PartLanes, PointLanes, triangle_error};
 use crate::class::Class;
 use crate::scene::RenderScene;
 use crate::surface::bumped;
-use hotspot_bvh::NoProbe;
 use hotspot_bvh::rays::Hits;
 use hotspot_bvh::simd::{Floats, Integers, Lanes, Simd, Vectors, set_vector};
 use hotspot_probe::NONE;
@@ -54,6 +54,7 @@ pub(super) fn bumped_normals<S: Simd, C: Class>(
     at: &At<S>,
     [smooth, wo, normal]: [Vectors<S>; 3],
     asked: u32,
+    lookups: &mut [Lookups; 8],
 ) -> Vectors<S> {
     s.vectorize(
         #[inline(always)]
@@ -64,7 +65,7 @@ pub(super) fn bumped_normals<S: Simd, C: Class>(
                 let (surface, attributes) = places.surface::<C>(scene, lane);
                 let weights = places.weights(lane);
                 let (smooth, wo) = (vec3(&smooth, lane), vec3(&wo, lane));
-                let bumped = bumped(scene, surface, weights, &attributes, smooth, wo, &mut NoProbe);
+                let bumped = bumped(scene, surface, weights, &attributes, smooth, wo, &mut lookups[lane]);
                 set_vector(&mut normal, lane, bumped.to_array());
             }
             Vectors::load(s, &normal)

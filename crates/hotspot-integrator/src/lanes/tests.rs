@@ -1,11 +1,12 @@
-//! Eight paths at once give the pictures of single paths, bit for bit.
+//! Eight paths at once give the pictures and counts of single paths, bit for bit.
 
 use crate::chi_square::Random;
-use crate::render::{Control, Gather, LightChoice, Rendered, Settings, render};
+use crate::render::{Control, Gather, LightChoice, Rendered, Settings, Way, render_somehow};
 use crate::roulette::Roulette;
 use crate::sampler::SamplerKind;
 use crate::scene::{PrepareOptions, RenderScene};
 use crate::{BuildOptions, Isa};
+use hotspot_cost::CostPixel;
 use hotspot_scene::{
     Camera, Channel, Color, Environment, Instance, Material, Mesh, NormalMap, Object, Projection, Scalar,
     Scene, Texture, TextureRef, Wrap,
@@ -105,6 +106,47 @@ fn prepare(scene: &Scene, isa: Isa) -> RenderScene {
     RenderScene::prepare(scene, options).expect("the scene is whole")
 }
 
+/// What a render counts, but for its time, with ledgers and without: path by path and with paths side by side.
+fn counts_agree(name: &str, ready: &RenderScene, settings: &Settings, camera: &Camera) {
+    counts_of_kind_agree(name, ready, settings, camera, true);
+    counts_of_kind_agree(name, ready, settings, camera, false);
+}
+
+/// Without ledgers the clock is off too, so that halves go together.
+fn counts_of_kind_agree(
+    name: &str,
+    ready: &RenderScene,
+    settings: &Settings,
+    camera: &Camera,
+    ledgers: bool,
+) {
+    // So many that a pixel's are taken side by side, and some lanes are left over.
+    let spp = settings.spp.max(17).next_multiple_of(2);
+    let of = |packets| {
+        let gather = Gather { time: ledgers, ..Gather::ALL };
+        let settings = Settings { packets, gather, spp, ledgers, first_wave: Some(spp), ..settings.clone() };
+        let rendered = render(ready, camera, &settings, Control::default());
+        assert_eq!(rendered.eights, packets, "{name}");
+        let costs = rendered.frame.costs().map(|pixel| {
+            // With some samples counted the clock of single paths reads all.
+            assert!(settings.cost_spp.is_some() || !ledgers || pixel.time_samples == pixel.samples, "{name}");
+            CostPixel { time_ns: 0, time_samples: 0, ..*pixel }
+        });
+        (sums(&rendered), costs.collect::<Vec<_>>(), format!("{:?}", rendered.ledgers))
+    };
+    let (eights, single) = (of(true), of(false));
+    assert!(eights.0 == single.0, "{name}: the pictures of counted paths differ");
+    for (index, (a, b)) in eights.1.iter().zip(&single.1).enumerate() {
+        assert_eq!(a, b, "{name}, pixel or half {index}");
+    }
+    assert_eq!(eights.2, single.2, "{name}");
+}
+
+/// With paths eight at a time wherever they can be, in plain Rust too.
+fn render(scene: &RenderScene, camera: &Camera, settings: &Settings, control: Control<'_>) -> Rendered {
+    render_somehow(scene, camera, settings, control, Way { tile: 16, portable_eights: true })
+}
+
 /// Film sums of all pixels.
 fn sums(rendered: &Rendered) -> Vec<([f64; 3], [f64; 3])> {
     let frame = &rendered.frame;
@@ -138,7 +180,7 @@ fn pictures_are_those_of_single_paths() {
             2 => (wanted.intervals, wanted.spp) = (true, 18),
             3 => (wanted.adaptive, wanted.spp) = (true, 33),
             4 => {
-                (wanted.gather, wanted.cost_spp) = (Gather::ALL, Some(6));
+                (wanted.gather, wanted.cost_spp) = (Gather::ALL, Some(11));
                 wanted.ledgers = true;
             }
             _ => (wanted.max_depth, wanted.roulette) = (3, Roulette::From(0)),
@@ -153,6 +195,7 @@ fn pictures_are_those_of_single_paths() {
                 assert_eq!(rendered.eights, packets, "room {seed}");
                 pictures.push(sums(&rendered));
             }
+            counts_agree(&format!("room {seed}"), &ready, &wanted, &camera);
         }
         let [first, others @ ..] = &pictures[..] else { unreachable!() };
         bright += first.iter().filter(|(sum, _)| sum[0] > 0.0).count();
@@ -182,6 +225,8 @@ fn lists_of_any_length_are_taken() {
         let (eights, single) = (of(true), of(false));
         assert!(eights.eights && !single.eights);
         assert_eq!(sums(&eights), sums(&single), "{spp} samples, depth {depth}");
+        let halves = Settings { intervals: true, ..wanted };
+        counts_agree("lists", &ready, &halves, &camera(1.0, false));
     }
 }
 
@@ -229,6 +274,7 @@ fn agree(name: &str, scene: &Scene, settings: &Settings, camera: &Camera) -> usi
             assert_eq!(rendered.eights, packets, "{name}");
             pictures.push(sums(&rendered));
         }
+        counts_agree(name, &ready, settings, camera);
     }
     let [first, others @ ..] = &pictures[..] else { unreachable!() };
     for (index, other) in others.iter().enumerate() {
@@ -504,10 +550,23 @@ fn other_scenes_go_path_by_path() {
         assert!(!goes(&other, &few), "{name}");
     }
 
+    // Without vectors of eight, only among few triangles, and nothing that is counted.
+    let portable = prepare(&scene, Isa::Portable);
+    let mut many = scene.clone();
+    let matte = many.materials[1].bsdf.clone();
+    add_ball(&mut many, "ball", ball([0.5; 3], 0.1, 8), matte, [0.0; 3]);
+    let many = prepare(&many, Isa::Portable);
+    let counted = |spp| Settings { gather: Gather::ALL, spp, ..few.clone() };
+    for (scene, settings, goes) in
+        [(&portable, &few, true), (&portable, &counted(8), false), (&many, &few, false)]
+    {
+        assert_eq!(crate::render(scene, &camera, settings, Control::default()).eights, goes);
+    }
+
     let independent = Settings { sampler: SamplerKind::Independent, ..few.clone() };
     let clocked = Settings { gather: Gather { time: true, ..Gather::RADIANCE }, ..few.clone() };
-    let counted = Settings { gather: Gather::ALL, ..few };
-    for other in [independent, clocked, counted] {
+    for other in [independent, clocked, counted(7)] {
         assert!(!goes(&scene, &other), "{other:?}");
     }
+    assert!(goes(&scene, &counted(8)));
 }

@@ -2,33 +2,131 @@
 //!
 //! The searches are functions of their own: the path loop keeps its vectors in memory meanwhile, and they their registers.
 
+use super::counts::{BookedRays, Listener, Senders, TalliedRays};
 use crate::class::{Class, Feature, has};
 use crate::cutout::Cutouts;
 use crate::scene::RenderScene;
 use hotspot_bvh::NoFilter;
+use hotspot_bvh::lanes::LaneProbes;
 use hotspot_bvh::rays::{Hits, Nearest, Rays};
 use hotspot_bvh::simd::{Floats, Integers, Simd, U8};
+use hotspot_probe::NoProbe;
 
-/// What rays of lanes `active` hit first, but for the triangles `from`; `keys`: [`Sampler::ray_key`](crate::sampler::Sampler::ray_key) of each.
-#[inline(never)]
-pub(super) fn nearest<S: Simd, C: Class>(
-    s: S,
-    scene: &RenderScene,
-    rays: &Rays<S>,
-    from: Integers<S>,
-    keys: Integers<S>,
-    active: u32,
-) -> Nearest<S> {
-    s.vectorize(
-        #[inline(always)]
-        || {
-            if has::<C>(Feature::Cutouts) {
-                scene.bvh.closest_of_lanes(s, rays, from, &cutouts(s, scene, &keys.store()), active)
-            } else {
-                scene.bvh.closest_of_lanes(s, rays, from, &[NoFilter; 8], active)
+/// Rays in lanes, and who listens to them.
+pub(super) struct Query<'a, S: Simd> {
+    pub(super) scene: &'a RenderScene,
+    pub(super) rays: &'a Rays<S>,
+    /// The triangles that they start on.
+    pub(super) from: Integers<S>,
+    /// [`Sampler::ray_key`](crate::sampler::Sampler::ray_key) of each.
+    pub(super) keys: Integers<S>,
+    /// Which lanes have one.
+    pub(super) active: u32,
+}
+
+impl<S: Simd> Query<'_, S> {
+    /// What the rays hit first.
+    #[inline(always)]
+    pub(super) fn nearest<C: Class>(&self, s: S) -> Nearest<S> {
+        if has::<C>(Feature::Cutouts) {
+            self.search::<_, true>(s, &mut NoProbe)
+        } else {
+            self.search::<_, false>(s, &mut NoProbe)
+        }
+    }
+
+    /// The same, counted.
+    #[inline(never)]
+    pub(super) fn nearest_counted<C: Class>(
+        &self,
+        s: S,
+        listener: &mut Listener<'_>,
+        senders: &Senders<'_>,
+    ) -> Nearest<S> {
+        match (listener, has::<C>(Feature::Cutouts)) {
+            (Listener::Tallies(tallies), false) => {
+                self.search::<_, false>(s, &mut TalliedRays { tallies, senders })
             }
-        },
-    )
+            (Listener::Tallies(tallies), true) => {
+                self.search::<_, true>(s, &mut TalliedRays { tallies, senders })
+            }
+            (Listener::Books(books), false) => self.search::<_, false>(s, &mut BookedRays { books, senders }),
+            (Listener::Books(books), true) => self.search::<_, true>(s, &mut BookedRays { books, senders }),
+        }
+    }
+
+    /// Which rays are blocked before `t_max`, `to` being the triangles that they are aimed at.
+    #[inline(always)]
+    pub(super) fn blocked<C: Class>(&self, s: S, to: Integers<S>, t_max: Floats<S>) -> u32 {
+        if has::<C>(Feature::Cutouts) {
+            self.any::<_, true>(s, to, t_max, &mut NoProbe)
+        } else {
+            self.any::<_, false>(s, to, t_max, &mut NoProbe)
+        }
+    }
+
+    /// The same, counted.
+    #[inline(never)]
+    pub(super) fn blocked_counted<C: Class>(
+        &self,
+        s: S,
+        (to, t_max): (Integers<S>, Floats<S>),
+        listener: &mut Listener<'_>,
+        senders: &Senders<'_>,
+    ) -> u32 {
+        match (listener, has::<C>(Feature::Cutouts)) {
+            (Listener::Tallies(tallies), false) => {
+                self.any::<_, false>(s, to, t_max, &mut TalliedRays { tallies, senders })
+            }
+            (Listener::Tallies(tallies), true) => {
+                self.any::<_, true>(s, to, t_max, &mut TalliedRays { tallies, senders })
+            }
+            (Listener::Books(books), false) => {
+                self.any::<_, false>(s, to, t_max, &mut BookedRays { books, senders })
+            }
+            (Listener::Books(books), true) => {
+                self.any::<_, true>(s, to, t_max, &mut BookedRays { books, senders })
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn search<P: LaneProbes, const CUTOUTS: bool>(&self, s: S, probes: &mut P) -> Nearest<S> {
+        s.vectorize(
+            #[inline(always)]
+            || {
+                let Self { scene, rays, from, keys, active } = *self;
+                if CUTOUTS {
+                    let cutouts = cutouts(s, scene, &keys.store());
+                    scene.bvh.closest_of_lanes(s, rays, from, &cutouts, active, probes)
+                } else {
+                    scene.bvh.closest_of_lanes(s, rays, from, &[NoFilter; 8], active, probes)
+                }
+            },
+        )
+    }
+
+    #[inline(never)]
+    fn any<P: LaneProbes, const CUTOUTS: bool>(
+        &self,
+        s: S,
+        to: Integers<S>,
+        t_max: Floats<S>,
+        probes: &mut P,
+    ) -> u32 {
+        s.vectorize(
+            #[inline(always)]
+            || {
+                let Self { scene, rays, from, keys, active } = *self;
+                if CUTOUTS {
+                    let cutouts = cutouts(s, scene, &keys.store());
+                    scene.bvh.occluded_lanes(s, rays, t_max, [from, to], &cutouts, active, probes)
+                } else {
+                    scene.bvh.occluded_lanes(s, rays, t_max, [from, to], &[NoFilter; 8], active, probes)
+                }
+            },
+        )
+    }
 }
 
 /// What the first `count` camera rays of two times eight hit first, where everything is there.
@@ -49,31 +147,6 @@ pub(super) fn nearest_of_camera<S: Simd>(
 #[inline(always)]
 pub(super) fn hits<S: Simd>(s: S, scene: &RenderScene, rays: &Rays<S>, nearest: Nearest<S>) -> Hits<S> {
     nearest.hits(s, rays, scene.geometry.corners_in_lanes(nearest.primitive))
-}
-
-/// The rays of lanes `active` that are blocked before `t_max`; `ends`: the triangles that they start on and are aimed at; `keys` as in
-/// [`nearest`].
-#[inline(never)]
-pub(super) fn blocked<S: Simd, C: Class>(
-    s: S,
-    scene: &RenderScene,
-    rays: &Rays<S>,
-    t_max: Floats<S>,
-    ends: [Integers<S>; 2],
-    keys: Integers<S>,
-    active: u32,
-) -> u32 {
-    s.vectorize(
-        #[inline(always)]
-        || {
-            if has::<C>(Feature::Cutouts) {
-                let cutouts = cutouts(s, scene, &keys.store());
-                scene.bvh.occluded_lanes(s, rays, t_max, ends, &cutouts, active)
-            } else {
-                scene.bvh.occluded_lanes(s, rays, t_max, ends, &[NoFilter; 8], active)
-            }
-        },
-    )
 }
 
 #[inline(always)]

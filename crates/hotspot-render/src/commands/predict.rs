@@ -3,8 +3,8 @@
 //! The pilots run the kernel that the render would run, on as many threads, with as many samples for each visit of a pixel
 //! (a visit has a cost of its own), over the same film. Each has a seed of its own. Time is read from the pixels' clocks and
 //! divided by the threads, since at the end of a small render threads wait for each other longer than in a large one. What the
-//! clocks do not see is added for each wave of samples that the render will have. Where paths go eight at a time no clock can tell
-//! pixels apart, so there the time is that of the pilot as a whole.
+//! clocks do not see is added for each wave of samples that the render will have. Where paths that are not counted go eight at a time no
+//! clock can tell pixels apart, so there the time is that of the pilot as a whole.
 
 use super::calibrate::read_profile;
 use crate::args::{FilmArgs, TalkArgs, ViewArgs, parse_seconds};
@@ -23,7 +23,7 @@ use hotspot_cost::prediction::{
     Budget, Interval, PREDICT_SCHEMA, Pilot, Pilots, Prediction, Seconds, seconds,
 };
 use hotspot_cost::{CostModel, LayerOptions, Layers, Ledgers, Metric, MetricSet, hotspots};
-use hotspot_integrator::{Control, Gather, Rendered, Settings, Stop};
+use hotspot_integrator::{Control, Gather, Rendered, Settings, Stop, Waves};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -44,7 +44,8 @@ pub(crate) struct PredictArgs {
     /// Predict a render with `--metrics none`: the picture alone, on the plain kernel
     #[arg(long)]
     pub(crate) plain: bool,
-    /// Calibrated coefficients from `calibrate`: intersection in nanoseconds, and a second opinion on the time
+    /// Calibrated coefficients from `calibrate`: intersection in nanoseconds, and, where paths go one by one, a second opinion on the
+    /// time
     #[arg(long, value_name = "FILE")]
     pub(crate) profile: Option<PathBuf>,
     /// Also say how many samples per pixel fit into so many seconds from start to end
@@ -182,7 +183,9 @@ struct Run {
 impl Plan {
     /// Sized by a first pilot, that also warms everything up.
     fn new(stage: &Stage<'_>, full: &Settings, budget: f64, control: Control<'_>) -> Result<Self, Fail> {
-        let mut settings = pilot_of(full, FEWEST_PIXELS * 2.0, full.spp.min(4));
+        // As many samples as may go eight at a time, in each half.
+        let enough = if full.intervals { 16 } else { 8 };
+        let mut settings = pilot_of(full, FEWEST_PIXELS * 2.0, full.spp.min(enough));
         let mut first = render(stage, &settings, control)?;
         if !first.eights && !settings.gather.time {
             settings.gather.time = true;
@@ -191,7 +194,7 @@ impl Plan {
         let clocked = settings.gather.time;
         let per_path = thread_seconds(&first, &settings, full) / first.threads as f64;
         let layer = per_path * f64::from(full.width) * f64::from(full.height);
-        let waves = waves(full.spp, layer);
+        let waves = waves(layer, Waves::new(full, first.eights));
         let visit = samples_per_visit(full.spp, waves);
         let paths = budget / f64::from(REPEATS) / per_path.max(1e-9);
         settings = pilot_of(full, paths / f64::from(visit), visit);
@@ -250,12 +253,10 @@ fn pilot_of(full: &Settings, pixels: f64, spp: u32) -> Settings {
     settings
 }
 
-/// Waves of a render of which one sample for every pixel takes `layer` seconds: 4 samples at first, then as many as a second
-/// holds ([`hotspot_integrator::render`]).
-fn waves(spp: u32, layer: f64) -> u32 {
-    let wave = (1.0 / layer.max(1e-9)).max(1.0).floor();
-    // Float to integer saturates.
-    1 + (f64::from(spp.saturating_sub(4)) / wave).ceil() as u32
+/// Waves of a render of which one sample for every pixel takes `layer` seconds.
+fn waves(layer: f64, waves: Waves) -> u32 {
+    let left = waves.total.saturating_sub(waves.first());
+    1 + left.div_ceil(waves.next(layer)) as u32
 }
 
 /// Samples for each visit of a pixel in a render of so many waves.
@@ -473,9 +474,15 @@ mod tests {
 
     #[test]
     fn visits_follow_the_waves_of_a_render() {
-        let visit = |spp, layer| samples_per_visit(spp, waves(spp, layer));
+        let of = |spp: u32, least| Waves { pixels: 256 * 256, total: spp.into(), least };
+        let visit = |spp, layer| samples_per_visit(spp, waves(layer, of(spp, None)));
         // A layer of 0.3 s: waves of 4, then of 3.
-        assert_eq!(waves(64, 0.3), 21);
+        assert_eq!(waves(0.3, of(64, None)), 21);
+        // Eight, then sixteen in two and a half seconds; one at a time where even that takes longer.
+        let eights = |spp, layer| waves(layer, of(spp, Some(8)));
+        assert_eq!((eights(64, 0.15), eights(64, 5.0), eights(64, 1e-4), eights(13, 5.0)), (5, 57, 2, 1));
+        let large = Waves { pixels: 1 << 20, ..of(64, Some(8)) };
+        assert_eq!((large.first(), large.next(0.3), large.next(0.5)), (4, 10, 2));
         assert_eq!(visit(64, 0.3), 3);
         // One visit for what fits the first wave; two for a small picture.
         assert_eq!(visit(3, 0.3), 3);

@@ -1,0 +1,240 @@
+//! What counted paths in lanes tell: as [`crate::path::trace`] tells the probe of one path, so that counts are the same.
+//!
+//! Paths that go side by side have a tally each, that is added to its pixel in the order of samples once all are done. What is told is told
+//! lane by lane, out of the way of the loop, which asks a few times a vertex whether anybody listens: so there is one loop for both.
+
+use crate::path::LUMINANCE;
+use crate::scene::RenderScene;
+use hotspot_bvh::lanes::LaneProbes;
+use hotspot_bvh::simd::{F8, Floats, Integers, Lanes, Simd, U8, Vectors};
+use hotspot_cost::ledger::{BookedPaths, BookedRay, Tallies};
+use hotspot_cost::{Cause, PathCounts, PathTally, RayCounter};
+use hotspot_probe::{NONE, NoProbe, Probe, RayKind, Spawner};
+
+/// How a path ended.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct End {
+    pub(crate) cause: Cause,
+    /// Largest component of the throughput, before roulette's compensation.
+    pub(crate) throughput: f32,
+    /// Object that it hit first, [`NONE`] if none.
+    pub(crate) first_object: u32,
+}
+
+impl End {
+    /// Of a path that is to begin.
+    pub(crate) const NOT_YET: Self = Self { cause: Cause::Absorbed, throughput: 0.0, first_object: NONE };
+}
+
+/// Who listens.
+pub(crate) enum Listener<'p> {
+    Tallies(&'p mut [PathTally]),
+    Books(BookedPaths<'p>),
+}
+
+/// The counts of a list's paths, by number, and how they end.
+pub(crate) struct Counted<'p> {
+    pub(crate) listener: Listener<'p>,
+    pub(crate) ends: &'p mut [End],
+    /// Number of the first path of the second half.
+    pub(crate) second_half: u32,
+    /// Evaluations and samplings of BSDFs, by halves.
+    pub(crate) bsdfs: [u32; 2],
+}
+
+impl Counted<'_> {
+    #[inline(always)]
+    fn path(&mut self, number: u32) -> &mut PathCounts {
+        let tallies = match &mut self.listener {
+            Listener::Tallies(tallies) => tallies,
+            Listener::Books(books) => books.tallies(),
+        };
+        tallies[number as usize].counts()
+    }
+
+    /// The paths of lanes `ended` end with this throughput.
+    #[inline(always)]
+    pub(super) fn end<S: Simd>(
+        &mut self,
+        cause: Cause,
+        number: Integers<S>,
+        throughput: Floats<S>,
+        ended: u32,
+    ) {
+        if ended != 0 {
+            self.end_each(cause, &number.store(), &throughput.store(), ended);
+        }
+    }
+
+    #[inline(never)]
+    fn end_each(&mut self, cause: Cause, number: &U8, throughput: &F8, ended: u32) {
+        for lane in Lanes(ended) {
+            let end = &mut self.ends[number.0[lane] as usize];
+            (end.cause, end.throughput) = (cause, throughput.0[lane]);
+        }
+    }
+
+    /// The camera rays of lanes `landed` hit these parts.
+    #[inline(never)]
+    pub(super) fn land(&mut self, scene: &RenderScene, number: &U8, part: &U8, landed: u32) {
+        for lane in Lanes(landed) {
+            let object = scene.geometry.parts[part.0[lane] as usize].object;
+            self.ends[number.0[lane] as usize].first_object = object;
+        }
+    }
+
+    /// The paths of lanes `lit` found light, that the depth limit would have let scatter so many times more.
+    #[inline(always)]
+    pub(super) fn light<S: Simd>(
+        &mut self,
+        s: S,
+        number: Integers<S>,
+        found: Vectors<S>,
+        left: Integers<S>,
+        lit: u32,
+    ) {
+        if lit != 0 {
+            let luminance = found.dot(Vectors::splat(s, LUMINANCE.to_array()));
+            self.light_each(&number.store(), &luminance.store(), &left.store(), lit);
+        }
+    }
+
+    #[inline(never)]
+    fn light_each(&mut self, number: &U8, luminance: &F8, left: &U8, lit: u32) {
+        for lane in Lanes(lit) {
+            self.path(number.0[lane]).light(left.0[lane], luminance.0[lane]);
+        }
+    }
+
+    /// BSDFs were evaluated or sampled in lanes `asked`.
+    #[inline(always)]
+    pub(super) fn bsdfs<S: Simd>(&mut self, s: S, number: Integers<S>, asked: u32) {
+        // By halves: single paths are not asked for it. Numbers are small, so that they compare as floats.
+        let first = number.to_floats().less(Floats::splat(s, self.second_half as f32)).bits();
+        self.bsdfs[0] += (asked & first).count_ones();
+        self.bsdfs[1] += (asked & !first).count_ones();
+    }
+
+    /// Textures were looked up.
+    #[inline(never)]
+    pub(super) fn textures(&mut self, number: &U8, lookups: &[Lookups; 8]) {
+        for (number, Lookups { lookups, bytes }) in number.0.iter().zip(lookups) {
+            if *lookups > 0 {
+                self.path(*number).texture(*lookups, *bytes);
+            }
+        }
+    }
+}
+
+/// Counts look-ups of textures.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Lookups {
+    lookups: u32,
+    bytes: u32,
+}
+
+impl Lookups {
+    /// Of eight lanes.
+    pub(super) const NONE: [Self; 8] = [Self { lookups: 0, bytes: 0 }; 8];
+}
+
+impl Probe for Lookups {
+    const ON: bool = true;
+    type Ray<'p> = NoProbe;
+
+    #[inline(always)]
+    fn ray(&mut self, _by: Spawner) -> NoProbe {
+        NoProbe
+    }
+
+    #[inline(always)]
+    fn untraced(&mut self, _by: Spawner) {}
+
+    #[inline(always)]
+    fn bsdf(&mut self, _evaluations: u32) {}
+
+    #[inline(always)]
+    fn texture(&mut self, lookups: u32, bytes: u32) {
+        self.lookups += lookups;
+        self.bytes += bytes;
+    }
+}
+
+/// Rays of eight lanes, of which paths they are and what sends them.
+pub(super) struct Senders<'a> {
+    pub(super) scene: &'a RenderScene,
+    pub(super) kind: RayKind,
+    pub(super) number: U8,
+    /// The triangles that they leave, and that shadow rays are aimed at ([`NONE`]: the sky).
+    pub(super) from: U8,
+    pub(super) to: U8,
+    /// Scattering events before them.
+    pub(super) bounces: U8,
+}
+
+impl Senders<'_> {
+    #[inline(always)]
+    fn number(&self, lane: usize) -> usize {
+        self.number.0[lane] as usize
+    }
+
+    #[inline(always)]
+    fn spawner(&self, lane: usize) -> Spawner {
+        let bounce = self.bounces.0[lane];
+        let shadow = self.kind == RayKind::Shadow;
+        if !shadow && bounce == 0 {
+            return Spawner::CAMERA;
+        }
+        let parts = &self.scene.geometry;
+        let part = parts.part(self.from.0[lane]);
+        let to = if shadow { self.to.0[lane] } else { NONE };
+        let light = if to == NONE { NONE } else { parts.part(to).object };
+        Spawner { object: part.object, material: part.material, bounce, kind: self.kind, light }
+    }
+}
+
+/// Rays that are counted.
+pub(super) struct TalliedRays<'a> {
+    pub(super) tallies: &'a mut [PathTally],
+    pub(super) senders: &'a Senders<'a>,
+}
+
+impl LaneProbes for TalliedRays<'_> {
+    type Ray<'r>
+        = RayCounter<'r>
+    where
+        Self: 'r;
+
+    #[inline(always)]
+    fn ray(&mut self, lane: usize) -> RayCounter<'_> {
+        // Nothing else is asked of it.
+        let by = Spawner { kind: self.senders.kind, ..Spawner::CAMERA };
+        self.tallies[self.senders.number(lane)].counts().ray(by)
+    }
+
+    #[inline(always)]
+    fn ended(&mut self) {}
+}
+
+/// Rays that are booked and counted.
+pub(super) struct BookedRays<'a, 'p> {
+    pub(super) books: &'a mut BookedPaths<'p>,
+    pub(super) senders: &'a Senders<'a>,
+}
+
+impl<'p> LaneProbes for BookedRays<'_, 'p> {
+    type Ray<'r>
+        = BookedRay<'r, 'p, Tallies<'p>>
+    where
+        Self: 'r;
+
+    #[inline(always)]
+    fn ray(&mut self, lane: usize) -> BookedRay<'_, 'p, Tallies<'p>> {
+        self.books.ray(self.senders.number(lane), self.senders.spawner(lane))
+    }
+
+    #[inline(always)]
+    fn ended(&mut self) {
+        self.books.end_ray();
+    }
+}
