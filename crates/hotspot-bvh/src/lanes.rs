@@ -127,9 +127,8 @@ impl Bvh {
         s: S,
         rays: &Rays<S>,
         from: Integers<S>,
-        filters: &[F; 8],
         active: u32,
-        probes: &mut P,
+        (filters, probes): (&[F; 8], &mut P),
     ) -> Nearest<S> {
         let (frames, from) = (Frames::new(s, rays), from.store());
         let (mut found, mut primitive, mut t) = (0, U8([0; 8]), F8([0.0; 8]));
@@ -202,19 +201,14 @@ impl Bvh {
     /// # Panics
     /// May panic where the tree has instances.
     #[inline(always)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "rays, and for each lane what it is not to hit, who is asked and who listens"
-    )]
     pub fn occluded_lanes<S: Simd, F: Filter + Copy, P: LaneProbes>(
         &self,
         s: S,
         rays: &Rays<S>,
         t_max: Floats<S>,
         except: [Integers<S>; 2],
-        filters: &[F; 8],
         active: u32,
-        probes: &mut P,
+        (filters, probes): (&[F; 8], &mut P),
     ) -> u32 {
         let (frames, t_max) = (Frames::new(s, rays), t_max.store());
         let (from, to) = (except[0].store(), except[1].store());

@@ -4,18 +4,21 @@ use crate::adaptive::Plan;
 use crate::camera::FilmCamera;
 use crate::cast::closest_hits;
 use crate::class::{Class, FullClass, Learning, LobesClass, MatteClass, SceneClass, TexturedClass};
-use crate::lanes::{Counted, End, LaneScene, Listener, SampleList, View, points_table, trace_samples};
+use crate::lanes::LaneScene;
 use crate::path::{PathResult, PathSettings, Start, trace};
-use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind, pixel_key};
+use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind};
 use crate::scene::RenderScene;
 use glam::Vec3;
 use hotspot_bvh::PACKET;
 use hotspot_bvh::simd::{Simd, WithSimd};
 use hotspot_cost::ledger::{Ledger, Payers};
-use hotspot_cost::{FilmPixel, PathEnd, PathTally, PixelRecorder, TileRecorder};
+use hotspot_cost::{FilmPixel, PathEnd, PixelRecorder, TileRecorder};
 use hotspot_probe::{NoProbe, Probe};
 use std::ops::Range;
 use std::time::Instant;
+
+pub(crate) use eights::SIDE_BY_SIDE;
+use eights::{EIGHTS, take_counted, take_eights};
 
 /// A camera sample whose radiance was not finite; it counts as black.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -114,12 +117,12 @@ impl WithSimd for TileJob<'_> {
 }
 
 impl Kernel<'_> {
-    /// Counted samples of a pixel from which on they go eight at a time: halves apart where each has a time of its own.
+    /// Counted samples of a pixel from which on they go eight at a time.
     pub(crate) fn least_side_by_side(&self) -> u64 {
         if !self.counted_in_eights {
             return u64::MAX;
         }
-        SIDE_BY_SIDE * if self.clock { self.halves as u64 } else { 1 }
+        SIDE_BY_SIDE * self.halves as u64
     }
 
     /// Whether any of these samples go eight at a time, in a frame that counts or not.
@@ -317,232 +320,6 @@ impl TileJob<'_> {
     }
 }
 
-/// Samples of a list that is taken eight at a time: so many that those that end last do not matter.
-const LIST: usize = 2048;
-
-/// Counted samples of a visit of a pixel from which on they go eight at a time. All that go at once are of that pixel, so that its time can be
-/// read when they are done: of few, most lanes would stand idle while the last paths end (of four, it takes longer than one by one).
-pub(crate) const SIDE_BY_SIDE: u64 = 8;
-
-/// So many of them at once.
-const VISIT: usize = 64;
-
-/// Numbers of samples, within a half, whose points lanes know.
-const EIGHTS: u64 = 1 << 16;
-
-/// Some samples of a pixel's half.
-struct Visit {
-    x: u32,
-    y: u32,
-    half: usize,
-    range: Range<u64>,
-}
-
-/// The samples of a job, eight at a time. None of them is counted.
-fn take_eights<S: Simd>(simd: S, job: &mut TileJob<'_>, lanes: &LaneScene) {
-    let kernel = job.kernel;
-    let mut list = SampleList::default();
-    let mut visits = Vec::new();
-    let mut found = Vec::new();
-    for (x, y) in job.tile.rect().pixels() {
-        let mut samples = job.samples.clone();
-        if let Some(plan) = job.plan {
-            samples.end = samples.end.min(plan.target(x, y));
-        }
-        if samples.is_empty() {
-            continue;
-        }
-        for half in 0..kernel.halves {
-            let mut left = of_half(&samples, half as u64, kernel.halves as u64);
-            let key = pixel_key([x, y, half as u32], kernel.seed);
-            while !left.is_empty() {
-                let range = left.start..left.end.min(left.start + (LIST - list.len()) as u64);
-                left.start = range.end;
-                for index in range.clone() {
-                    list.push(key, (x, y), index as u32);
-                }
-                visits.push(Visit { x, y, half, range });
-                if list.len() == LIST {
-                    take_list(simd, kernel, lanes, &list, &mut found, None);
-                    keep(job, &visits, &found);
-                    list.clear();
-                    visits.clear();
-                }
-            }
-        }
-    }
-    take_list(simd, kernel, lanes, &list, &mut found, None);
-    keep(job, &visits, &found);
-}
-
-/// The counted samples of a job, eight at a time, pixel by pixel.
-fn take_counted<S: Simd>(simd: S, job: &mut TileJob<'_>, lanes: &LaneScene) {
-    let kernel = job.kernel;
-    let mut list = SampleList::default();
-    let mut visits = Vec::new();
-    let mut found = Vec::new();
-    let (mut tallies, mut ends) = (Vec::new(), Vec::new());
-    let mut clock = kernel.clock.then(Instant::now);
-    for (x, y) in job.tile.rect().pixels() {
-        let mut samples = job.samples.clone();
-        if let Some(plan) = job.plan {
-            samples.end = samples.end.min(plan.target(x, y));
-        }
-        if samples.is_empty() {
-            continue;
-        }
-        for half in 0..kernel.halves {
-            if let (_, Some(cost)) = job.tile.open(x, y, half) {
-                // Not touched since the last wave, and not before the paths end: by then they are here.
-                let sums = cost.sums();
-                simd.prefetch(sums.cast());
-                simd.prefetch(sums.wrapping_add(1).cast::<u8>().wrapping_sub(256));
-            }
-        }
-        let halves = kernel.halves as u64;
-        let mut left = [0, 1].map(|half| if half < halves { of_half(&samples, half, halves) } else { 0..0 });
-        // Where each half has a time of its own, one after the other.
-        let together = if kernel.clock { 1 } else { kernel.halves };
-        for first in (0..kernel.halves).step_by(together) {
-            let taken = left[first].end - left[first].start;
-            while left[first..first + together].iter().any(|range| !range.is_empty()) {
-                list.clear();
-                visits.clear();
-                let mut second_half = 0;
-                for half in first..first + together {
-                    let left = &mut left[half];
-                    let range = left.start..left.end.min(left.start + (VISIT - list.len()) as u64);
-                    left.start = range.end;
-                    if range.is_empty() {
-                        continue;
-                    }
-                    let key = pixel_key([x, y, half as u32], kernel.seed);
-                    for index in range.clone() {
-                        list.push(key, (x, y), index as u32);
-                    }
-                    if half == 0 {
-                        second_half = list.len() as u32;
-                    }
-                    visits.push(Visit { x, y, half, range });
-                }
-                tallies.clear();
-                tallies.resize_with(list.len(), PathTally::new);
-                ends.clear();
-                ends.resize(list.len(), End::NOT_YET);
-                let listener = match (job.ledger.as_deref_mut(), kernel.payers) {
-                    (Some(ledger), Some(payers)) => {
-                        Listener::Books(ledger.side_by_side(payers, &mut tallies))
-                    }
-                    _ => Listener::Tallies(&mut tallies),
-                };
-                let mut counted = Counted { listener, ends: &mut ends, second_half, bsdfs: [0; 2] };
-                take_list(simd, kernel, lanes, &list, &mut found, Some(&mut counted));
-                let bsdfs = counted.bsdfs;
-                keep_counted(simd, job, &visits, &found, (&tallies, &ends, bsdfs));
-            }
-            if let Some(start) = &mut clock {
-                // One reading per visit: the end of one is the start of the next.
-                let now = Instant::now();
-                let nanoseconds = now.duration_since(*start).as_nanos() as u64;
-                job.tile.add_time(x, y, first, nanoseconds, taken);
-                *start = now;
-            }
-        }
-    }
-}
-
-/// Not inlined: compiled once for each class.
-#[inline(never)]
-fn take_list<S: Simd>(
-    simd: S,
-    kernel: &Kernel<'_>,
-    lanes: &LaneScene,
-    list: &SampleList,
-    found: &mut Vec<[f32; 3]>,
-    counted: Option<&mut Counted<'_>>,
-) {
-    // What rays visit is what is counted.
-    let few = lanes.few.as_ref().filter(|_| counted.is_none());
-    let view = View {
-        scene: kernel.scene,
-        lanes,
-        few,
-        packets: kernel.packets && !kernel.scene.cutouts.any() && few.is_none() && counted.is_none(),
-        camera: &kernel.camera,
-        size: (kernel.width, kernel.height),
-        settings: &kernel.path,
-        table: points_table(),
-    };
-    // Four kernels: what others would save, of textured scenes without cutouts or without learned lights, is little beside what they take to
-    // compile.
-    match (kernel.scene.class(), kernel.path.learned.is_some()) {
-        (SceneClass::Matte, false) => simd.vectorize(
-            #[inline(always)]
-            || trace_samples::<S, MatteClass>(simd, &view, list, found, counted),
-        ),
-        (SceneClass::Lobes, false) => simd.vectorize(
-            #[inline(always)]
-            || trace_samples::<S, LobesClass>(simd, &view, list, found, counted),
-        ),
-        (SceneClass::Matte | SceneClass::Lobes, true) => simd.vectorize(
-            #[inline(always)]
-            || trace_samples::<S, Learning<LobesClass>>(simd, &view, list, found, counted),
-        ),
-        (SceneClass::Textured | SceneClass::Full, _) => simd.vectorize(
-            #[inline(always)]
-            || trace_samples::<S, Learning<FullClass>>(simd, &view, list, found, counted),
-        ),
-    }
-}
-
-/// Adds what was found to its pixels, in the order of samples.
-fn keep(job: &mut TileJob<'_>, visits: &[Visit], mut found: &[[f32; 3]]) {
-    for Visit { x, y, half, range } in visits {
-        let (film, _) = job.tile.open(*x, *y, *half);
-        let mut kept =
-            Kept { film: *film, lost: job.lost, radiance: job.kernel.radiance, x: *x, y: *y, half: *half };
-        let (these, rest) = found.split_at((range.end - range.start) as usize);
-        for (index, radiance) in range.clone().zip(these) {
-            kept.add(index, Vec3::from_array(*radiance));
-        }
-        *film = kept.film;
-        found = rest;
-    }
-}
-
-/// The same of counted samples, with their counts.
-fn keep_counted<S: Simd>(
-    simd: S,
-    job: &mut TileJob<'_>,
-    visits: &[Visit],
-    mut found: &[[f32; 3]],
-    (mut tallies, mut ends, bsdfs): (&[PathTally], &[End], [u32; 2]),
-) {
-    for Visit { x, y, half, range } in visits {
-        let (film, cost) = job.tile.open(*x, *y, *half);
-        let Some(mut cost) = cost else { return };
-        let mut kept =
-            Kept { film: *film, lost: job.lost, radiance: job.kernel.radiance, x: *x, y: *y, half: *half };
-        let count = (range.end - range.start) as usize;
-        simd.vectorize(
-            #[inline(always)]
-            || {
-                let mut visit = cost.visit();
-                visit.path().bsdf(bsdfs[*half]);
-                for (((index, radiance), tally), end) in range.clone().zip(found).zip(tallies).zip(ends) {
-                    let radiance = Vec3::from_array(*radiance);
-                    let finite = kept.add(index, radiance);
-                    let &End { cause, throughput, first_object } = end;
-                    let brought_radiance = finite && radiance != Vec3::ZERO;
-                    visit.add(tally, PathEnd { cause, throughput, brought_radiance, first_object });
-                }
-            },
-        );
-        *film = kept.film;
-        (found, tallies, ends) = (&found[count..], &tallies[count..], &ends[count..]);
-    }
-}
-
 /// `finite`: whether its radiance is.
 #[inline(always)]
 fn path_end(result: &PathResult, finite: bool) -> PathEnd {
@@ -665,6 +442,7 @@ fn camera_hits<S: Simd, C: Class>(
     );
 }
 
+mod eights;
 #[cfg(test)]
 pub(crate) mod ray_counts;
 

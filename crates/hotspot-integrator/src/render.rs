@@ -313,8 +313,8 @@ impl Waves {
         let total = u64::from(settings.spp).next_multiple_of(halves);
         let counted =
             settings.cost_spp.map_or(total, |spp| total.min(u64::from(spp).next_multiple_of(halves)));
-        let least = SIDE_BY_SIDE * if settings.gather.time { halves } else { 1 };
-        let least = Some(least).filter(|least| eights && settings.gather.cost && counted >= *least);
+        let least = Some(SIDE_BY_SIDE * halves);
+        let least = least.filter(|least| eights && settings.gather.cost && counted >= *least);
         Self { pixels: u64::from(settings.width) * u64::from(settings.height), total, least }
     }
 

@@ -8,12 +8,17 @@
 //! 2^27 nodes and as many leaf blocks from its start or an instance to the next or its end, as many as a tree may have: of one that visits
 //! more, the sums are wrong.
 
+mod paths;
+#[cfg(test)]
+mod tests;
+
 use super::bins::{BinCounts, Bins, Key, RareCounts};
 use super::cells::{Aside, Cells, LEAVES, NODES, PAIRS, Pair, Row};
 use super::payers::{Column, NOWHERE, Payers, Place, Tree};
 use super::rows::{Ledgers, MatrixRow, PayerRow, SpawnerRow, Traversal};
-use crate::recorder::{PathCounts, PathEnd, PathTally, PixelVisit};
+use crate::recorder::{PathCounts, PathEnd, PixelVisit};
 use hotspot_probe::{NONE, Probe, RayKind, RayProbe, Spawner};
+pub use paths::{BookedPaths, Tallies};
 
 /// The sums of one worker.
 #[derive(Clone, Debug)]
@@ -33,13 +38,6 @@ impl Ledger {
     pub fn visit<'p>(&'p mut self, payers: &'p Payers, pixel: PixelVisit<'p>) -> BookedVisit<'p> {
         let (pairs, state) = self.open(payers, pixel);
         BookedVisit { pairs, state }
-    }
-
-    /// Books rays of paths that are traced side by side, as well as counting them.
-    #[inline(always)]
-    pub fn side_by_side<'p>(&'p mut self, payers: &'p Payers, paths: &'p mut [PathTally]) -> BookedPaths<'p> {
-        let (pairs, state) = self.open(payers, Tallies { paths, at: 0 });
-        BookedPaths { pairs, state }
     }
 
     #[inline(always)]
@@ -133,13 +131,6 @@ pub struct BookedVisit<'p> {
     state: State<'p, PixelVisit<'p>>,
 }
 
-/// Paths that are traced side by side, whose rays are booked and counted.
-#[derive(Debug)]
-pub struct BookedPaths<'p> {
-    pairs: &'p mut [u64],
-    state: State<'p, Tallies<'p>>,
-}
-
 /// Has the counts of the path at hand: a visit of a pixel, or [`Tallies`].
 pub trait Keeper {
     /// Those.
@@ -150,55 +141,6 @@ impl Keeper for PixelVisit<'_> {
     #[inline(always)]
     fn counts(&mut self) -> &mut PathCounts {
         self.path()
-    }
-}
-
-/// Paths that are traced side by side, and which of them is at hand.
-#[derive(Debug)]
-pub struct Tallies<'p> {
-    paths: &'p mut [PathTally],
-    at: usize,
-}
-
-impl Keeper for Tallies<'_> {
-    #[inline(always)]
-    fn counts(&mut self) -> &mut PathCounts {
-        self.paths[self.at].counts()
-    }
-}
-
-impl<'p> BookedPaths<'p> {
-    /// Their tallies.
-    #[inline(always)]
-    pub fn tallies(&mut self) -> &mut [PathTally] {
-        self.state.counts.paths
-    }
-
-    /// A ray of path `at` is about to be cast; after it was finished, [`Self::end_ray`].
-    ///
-    /// # Panics
-    /// Where there is no such path.
-    #[inline(always)]
-    pub fn ray(&mut self, at: usize, by: Spawner) -> BookedRay<'_, 'p, Tallies<'p>> {
-        self.state.counts.at = at;
-        self.state.left = self.state.counts.paths[at].left;
-        self.state.ray(self.pairs, by)
-    }
-
-    /// The ray has ended.
-    #[inline(always)]
-    pub fn end_ray(&mut self) {
-        let State { sums, key, left, counts: Tallies { paths, at }, .. } = &mut self.state;
-        let path = &mut paths[*at];
-        path.left = *left;
-        // What it visited stands in the sums of its kind, and in those of blocked rays if it was one.
-        let shadow = key.kind() == RayKind::Shadow;
-        let [nodes, leaves] = &mut sums[usize::from(shadow)];
-        path.counts().add_visits(shadow, nodes.take(), leaves.take());
-        if shadow {
-            let [nodes, leaves] = &mut sums[BLOCKED];
-            path.counts().add_blocked(nodes.take()[0], leaves.take()[1]);
-        }
     }
 }
 
@@ -536,85 +478,5 @@ impl<K: Keeper> RayProbe for BookedRay<'_, '_, K> {
         } else {
             self.state.finish(self.before, self.shadow, hit);
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::payers::{Payer, PayerDesc};
-    use super::*;
-    use crate::{Cause, Counter, Frame, FrameDesc};
-
-    /// Sums of a row and of a path that are nearly full, and a ray that visits more than a pair can hold.
-    #[test]
-    fn full_sums_lose_nothing() {
-        let desc = PayerDesc {
-            triangles: vec![1],
-            nodes: vec![Payer::Object(0)],
-            blocks: vec![Payer::Object(0)],
-            instances: vec![0],
-            ..PayerDesc::default()
-        };
-        let payers = Payers::new(&desc);
-        let (mut ledger, mut frame) = (Ledger::new(&payers), Frame::new(FrameDesc::new(1, 1)));
-        let nearly = Pair::FULL - 3;
-        let full = Pair::of([nearly, 8 * nearly]).unwrap();
-        let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
-        let mut visit = ledger.visit(&payers, pixel.visit());
-        visit.pairs.iter_mut().take(2 * payers.columns()).for_each(|pair| *pair = full.word());
-        let mut path = visit.path();
-        // As if earlier rays of the path had visited so much.
-        path.visit.state.sums[..2].fill([full; PAIRS]);
-        let shadow = Spawner { kind: RayKind::Shadow, ..Spawner::CAMERA };
-        let [mut nodes, mut leaves] = [0u64; 2];
-        for (round, by) in [Spawner::CAMERA, shadow, shadow, Spawner::CAMERA].into_iter().enumerate() {
-            let mut ray = path.ray(by);
-            for _ in 0..7 {
-                ray.node(0, 5);
-                ray.leaf(0, 2);
-                nodes += 1;
-                leaves += 1;
-                if round > 1 {
-                    ray.instance(0);
-                }
-            }
-            ray.finish(true);
-        }
-        // Into sums that are as good as full: as much again, twice, which no pair could hold.
-        path.visit.state.count_sums();
-        path.visit.state.sums[0] = [full; PAIRS];
-        for _ in 0..2 {
-            let mut ray = path.ray(Spawner::CAMERA);
-            for _ in 0..Pair::FULL {
-                ray.node(0, 5);
-            }
-            nodes += Pair::FULL;
-            ray.finish(false);
-        }
-        path.end(PathEnd { cause: Cause::Escaped, throughput: 1.0, brought_radiance: true, first_object: 0 });
-        drop(visit);
-        let all = frame.cost_total(0, 0);
-        // What the sums began with, of both kinds of rays and once more for the last.
-        assert_eq!(all.get(Counter::Nodes), nodes + 3 * nearly);
-        assert_eq!(all.get(Counter::Boxes), 5 * nodes + 3 * 8 * nearly);
-        assert_eq!(all.get(Counter::Leaves), leaves + 3 * nearly);
-        assert_eq!(all.get(Counter::Shapes), 2 * leaves + 3 * 8 * nearly);
-        assert_eq!(all.get(Counter::NodesShadow), 14 + nearly);
-        assert_eq!(all.get(Counter::WasteNodes), 14);
-        let rows = ledger.rows(&payers, &["a".to_owned()], &[]);
-        let sum = |rows: &mut dyn Iterator<Item = Traversal>| {
-            rows.fold(Traversal::default(), |mut sum, row| {
-                sum.add(&row);
-                sum
-            })
-        };
-        let sent = sum(&mut rows.spawner.iter().map(|row| row.traversal));
-        assert_eq!([sent.nodes, sent.boxes], [nodes, 5 * nodes]);
-        assert_eq!([sent.leaves, sent.shapes], [leaves, 2 * leaves]);
-        // The row began with that much in each column.
-        let began = nearly * payers.columns() as u64;
-        let paid = sum(&mut rows.payer.iter().map(|row| row.traversal));
-        assert_eq!([paid.nodes, paid.boxes], [nodes + began, 5 * nodes + 8 * began]);
-        assert_eq!([paid.leaves, paid.shapes], [leaves + began, 2 * leaves + 8 * began]);
     }
 }

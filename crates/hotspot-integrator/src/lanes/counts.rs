@@ -36,10 +36,8 @@ pub(crate) enum Listener<'p> {
 pub(crate) struct Counted<'p> {
     pub(crate) listener: Listener<'p>,
     pub(crate) ends: &'p mut [End],
-    /// Number of the first path of the second half.
-    pub(crate) second_half: u32,
-    /// Evaluations and samplings of BSDFs, by halves.
-    pub(crate) bsdfs: [u32; 2],
+    /// Evaluations and samplings of BSDFs, of all paths: of single ones nobody asks.
+    pub(crate) bsdfs: u32,
 }
 
 impl Counted<'_> {
@@ -108,11 +106,8 @@ impl Counted<'_> {
 
     /// BSDFs were evaluated or sampled in lanes `asked`.
     #[inline(always)]
-    pub(super) fn bsdfs<S: Simd>(&mut self, s: S, number: Integers<S>, asked: u32) {
-        // By halves: single paths are not asked for it. Numbers are small, so that they compare as floats.
-        let first = number.to_floats().less(Floats::splat(s, self.second_half as f32)).bits();
-        self.bsdfs[0] += (asked & first).count_ones();
-        self.bsdfs[1] += (asked & !first).count_ones();
+    pub(super) fn bsdfs(&mut self, asked: u32) {
+        self.bsdfs += asked.count_ones();
     }
 
     /// Textures were looked up.

@@ -5,8 +5,8 @@
 //! all triangles at once ([`hotspot_bvh::few`]); in others each searches the tree by itself ([`tree`]). Each formula is that of the single
 //! path ([`crate::path`]), in the same order of operations, so pictures are the same bit for bit.
 //!
-//! Paths that are counted ([`counts`]) go eight at a time as well, where a wave has at least eight of a pixel: each of their rays searches the tree,
-//! and all that go side by side are of one pixel, so that its time can be read when they are done.
+//! Paths that are counted ([`counts`]) go eight at a time as well, where a wave has at least eight of a pixel's half: each of their rays searches the
+//! tree, and all that go side by side are of one visit of it, so that its time can be read when they are done.
 
 mod bsdf;
 mod counts;

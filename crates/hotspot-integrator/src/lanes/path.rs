@@ -4,6 +4,8 @@
 //! eight wait, eight new samples are taken one segment instead; so lanes stay busy to the end of the list. What every lane can do is done
 //! for all of them; what few need (doubtful rays, points at edges) is done one by one, by the same code as for single paths.
 
+mod pool;
+
 use super::bsdf::{At, BUMPY, BsdfLanes};
 use super::counts::{Counted, Lookups, Senders};
 use super::math::{FrameLanes, facing, max_element, power_heuristic};
@@ -22,6 +24,7 @@ use hotspot_bvh::rays::{Hits, Nearest, Rays};
 use hotspot_bvh::simd::{Floats, Integers, Lanes, Mask, Simd, U8, Vectors};
 use hotspot_cost::Cause;
 use hotspot_probe::{NONE, RayKind};
+use pool::Pool;
 
 /// Samples to take.
 #[derive(Clone, Debug, Default)]
@@ -103,21 +106,6 @@ struct Vertex<S: Simd> {
     bsdf: BsdfLanes<S>,
 }
 
-/// Most paths that wait, when those of fewer than eight that wait and of eight others go on.
-const WAITING: usize = 16;
-
-/// Numbers that make up a path, and those of them that only kernels with learned lights have: the last.
-const ROWS: usize = 29;
-const LEARNED_ROWS: usize = 7;
-
-/// How many a kernel has.
-const fn rows_of<C: Class>() -> usize {
-    if C::LEARNED { ROWS } else { ROWS - LEARNED_ROWS }
-}
-
-/// The paths that wait, number by number ([`Paths::rows`]).
-struct Pool([[f32; WAITING]; ROWS]);
-
 /// Takes all samples of a list; their radiance goes to `found`, in the list's order. Where they are `counted`, no triangles are tried and no
 /// rays go in packets: what they visit is what is counted.
 #[inline(always)]
@@ -130,7 +118,7 @@ pub(crate) fn trace_samples<S: Simd, C: Class>(
 ) {
     found.clear();
     found.resize(list.len(), [0.0; 3]);
-    let mut pool = Pool([[0.0; WAITING]; ROWS]);
+    let mut pool = Pool::new();
     let (mut waiting, mut next) = (0, 0);
     let mut held: Option<(Paths<S>, Nearest<S>, usize)> = None;
     loop {
@@ -203,80 +191,6 @@ impl<S: Simd> Paths<S> {
             light,
             points,
             number,
-        }
-    }
-
-    /// All numbers, whole ones by their bits; in the order of [`Paths::of_rows`].
-    #[rustfmt::skip]
-    #[inline(always)]
-    fn rows(&self) -> [Floats<S>; ROWS] {
-        let Self { rays: Rays { origin, direction }, radiance, throughput, points, scattered_from, .. } = self;
-        let ViewpointLanes { p, n, outlook } = scattered_from;
-        [
-            origin.x, origin.y, origin.z,
-            direction.x, direction.y, direction.z,
-            self.from.as_bits(),
-            radiance.x, radiance.y, radiance.z,
-            throughput.x, throughput.y, throughput.z,
-            self.survival_scale, self.scattered_pdf, self.scattered_cos,
-            self.bounces.as_bits(),
-            self.light[0], self.light[1],
-            points.key.as_bits(), points.index.as_bits(), self.number.as_bits(),
-            p.x, p.y, p.z, n.x, n.y, n.z, outlook.as_bits(),
-        ]
-    }
-
-    /// Those of [`Paths::rows`].
-    #[rustfmt::skip]
-    #[inline(always)]
-    fn of_rows(view: &View<'_>, rows: &[Floats<S>; ROWS]) -> Self {
-        let [
-            ox, oy, oz,
-            dx, dy, dz,
-            from,
-            r, g, b,
-            throughput_r, throughput_g, throughput_b,
-            survival_scale, scattered_pdf, scattered_cos,
-            bounces,
-            light_u, light_v,
-            key, index, number,
-            px, py, pz, nx, ny, nz, outlook,
-        ] = *rows;
-        Self {
-            rays: Rays { origin: Vectors::new(ox, oy, oz), direction: Vectors::new(dx, dy, dz) },
-            from: from.bits(),
-            radiance: Vectors::new(r, g, b),
-            throughput: Vectors::new(throughput_r, throughput_g, throughput_b),
-            survival_scale,
-            scattered_pdf,
-            scattered_cos,
-            scattered_from: ViewpointLanes {
-                p: Vectors::new(px, py, pz),
-                n: Vectors::new(nx, ny, nz),
-                outlook: outlook.bits(),
-            },
-            bounces: bounces.bits(),
-            light: [light_u, light_v],
-            points: Points { key: key.bits(), index: index.bits(), table: view.table },
-            number: number.bits(),
-        }
-    }
-
-    /// Those of a pool from `at` on.
-    #[inline(always)]
-    fn read<C: Class>(s: S, view: &View<'_>, Pool(pool): &Pool, at: usize) -> Self {
-        let mut rows = [Floats::splat(s, 0.0); ROWS];
-        for (row, numbers) in rows[..rows_of::<C>()].iter_mut().zip(pool) {
-            *row = Floats::read(s, numbers, at);
-        }
-        Self::of_rows(view, &rows)
-    }
-
-    /// To a pool from `at` on: lane `order[0]` first, and so on.
-    #[inline(always)]
-    fn write<C: Class>(&self, Pool(pool): &mut Pool, at: usize, order: Integers<S>) {
-        for (row, numbers) in self.rows()[..rows_of::<C>()].iter().zip(pool) {
-            row.permuted(order).write(numbers, at);
         }
     }
 
@@ -389,7 +303,7 @@ impl<S: Simd> Paths<S> {
         // The BSDF's direction.
         let sample = bsdf.sample::<C>(s, scene, local_wo, [u, v], alive, &mut lookups);
         if let Some(counted) = &mut counted {
-            counted.bsdfs(s, self.number, alive);
+            counted.bsdfs(alive);
             if C::TEXTURED {
                 counted.textures(&self.number.store(), &lookups);
             }
@@ -409,11 +323,13 @@ impl<S: Simd> Paths<S> {
             let relative = Floats::splat(s, gain) / weight.max(least);
             self.survival_scale = at_first.select(self.survival_scale * relative, self.survival_scale);
         }
-        let before = (alive, self.throughput);
-        alive = self.survivors(s, view.settings.roulette.from, alive);
+        // Without what makes up for those that end.
+        let throughput = self.throughput;
+        let survivors = self.survivors(s, view.settings.roulette.from, alive);
         if let Some(counted) = &mut counted {
-            counted.end(Cause::Roulette, self.number, max_element(before.1), before.0 & !alive);
+            counted.end(Cause::Roulette, self.number, max_element(throughput), alive & !survivors);
         }
+        alive = survivors;
 
         let wi = frame.to_world(sample.wi);
         let origin = point.leave(facing(s, geometric, wi));
@@ -540,7 +456,7 @@ impl<S: Simd> Paths<S> {
             return;
         }
         if let Some(counted) = &mut counted {
-            counted.bsdfs(s, self.number, light.there);
+            counted.bsdfs(light.there);
         }
         let wi = vertex.frame.to_local(light.wi);
         let (f_cos, pdf) = vertex.bsdf.eval::<C>(s, scene, vertex.local_wo, wi, light.there);

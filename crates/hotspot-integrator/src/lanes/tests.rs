@@ -112,7 +112,7 @@ fn counts_agree(name: &str, ready: &RenderScene, settings: &Settings, camera: &C
     counts_of_kind_agree(name, ready, settings, camera, false);
 }
 
-/// Without ledgers the clock is off too, so that halves go together.
+/// Without ledgers the clock is off too.
 fn counts_of_kind_agree(
     name: &str,
     ready: &RenderScene,

@@ -98,9 +98,9 @@ impl<S: Simd> Query<'_, S> {
                 let Self { scene, rays, from, keys, active } = *self;
                 if CUTOUTS {
                     let cutouts = cutouts(s, scene, &keys.store());
-                    scene.bvh.closest_of_lanes(s, rays, from, &cutouts, active, probes)
+                    scene.bvh.closest_of_lanes(s, rays, from, active, (&cutouts, probes))
                 } else {
-                    scene.bvh.closest_of_lanes(s, rays, from, &[NoFilter; 8], active, probes)
+                    scene.bvh.closest_of_lanes(s, rays, from, active, (&[NoFilter; 8], probes))
                 }
             },
         )
@@ -120,9 +120,9 @@ impl<S: Simd> Query<'_, S> {
                 let Self { scene, rays, from, keys, active } = *self;
                 if CUTOUTS {
                     let cutouts = cutouts(s, scene, &keys.store());
-                    scene.bvh.occluded_lanes(s, rays, t_max, [from, to], &cutouts, active, probes)
+                    scene.bvh.occluded_lanes(s, rays, t_max, [from, to], active, (&cutouts, probes))
                 } else {
-                    scene.bvh.occluded_lanes(s, rays, t_max, [from, to], &[NoFilter; 8], active, probes)
+                    scene.bvh.occluded_lanes(s, rays, t_max, [from, to], active, (&[NoFilter; 8], probes))
                 }
             },
         )
