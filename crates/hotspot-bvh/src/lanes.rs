@@ -12,11 +12,11 @@ use crate::exact::{LongestAxis, edge_weights, unit_normals};
 use crate::filter::Filter;
 use crate::node::Child;
 use crate::packet::{PACKET, nearest_of_packet};
-use crate::ray::Ray;
+use crate::ray::{NO_INSTANCE, Ray};
 use crate::rays::{Hits, Nearest, Rays};
 use crate::simd::{F8, Floats, Integers, Lanes, Simd, U8, Vectors, vector};
 use crate::traverse::{Best, any_of_frame, closest_of_frame};
-use crate::triangle::{CYCLES, FAR_QUANTA, FAR_SCALE, RayFrame};
+use crate::triangle::{CYCLES, FAR_QUANTA, FAR_SCALE, RayFrame, details};
 use hotspot_probe::{NoProbe, RayProbe};
 
 /// Listens to the rays of eight lanes.
@@ -116,13 +116,13 @@ fn far<S: Simd>(s: S, inverse: Floats<S>) -> Floats<S> {
 }
 
 impl Bvh {
-    /// What the rays of lanes `active` (as bits) hit first in a tree without instances, but for the triangles `from`, of what each lane's
-    /// filter accepts: as [`Bvh::closest_hit_filtered`] finds it, and tells of it; [`Nearest::hits`] has the rest.
+    /// What the rays of lanes `active` (as bits) hit first, but for the triangles `from` of the world, of what each lane's filter accepts: as
+    /// [`Bvh::closest_hit_filtered`] finds it, and tells of it; [`Nearest::hits`] has the rest, of instances [`Bvh::details_of_instance`].
     ///
     /// # Panics
-    /// May panic where the tree has instances.
+    /// May panic where the tree has instances, unless `INSTANCED`.
     #[inline(always)]
-    pub fn closest_of_lanes<S: Simd, F: Filter + Copy, P: LaneProbes>(
+    pub fn closest_of_lanes<S: Simd, F: Filter + Copy, P: LaneProbes, const INSTANCED: bool>(
         &self,
         s: S,
         rays: &Rays<S>,
@@ -132,13 +132,14 @@ impl Bvh {
     ) -> Nearest<S> {
         let (frames, from) = (Frames::new(s, rays), from.store());
         let (mut found, mut primitive, mut t) = (0, U8([0; 8]), F8([0.0; 8]));
+        let mut instance = U8([NO_INSTANCE; 8]);
         let asked = if self.root == Child::EMPTY { 0 } else { active & frames.finite };
         without_visits(active & !asked, probes);
         for lane in Lanes(asked) {
             let frame = frames.frame(lane, f32::INFINITY);
             let mut filter = filters[lane];
             let mut probe = probes.ray(lane);
-            let best = closest_of_frame::<S, P::Ray<'_>, F, false, 1>(
+            let best = closest_of_frame::<S, P::Ray<'_>, F, INSTANCED, 1>(
                 s,
                 self,
                 &frame,
@@ -150,8 +151,30 @@ impl Bvh {
             probes.ended();
             found |= u32::from(best.found) << lane;
             (primitive.0[lane], t.0[lane]) = (best.primitive, best.t);
+            if INSTANCED {
+                instance.0[lane] = best.instance;
+            }
         }
-        Nearest { found, primitive: Integers::load(s, &primitive), t: Floats::load(s, &t) }
+        let (primitive, instance) = (Integers::load(s, &primitive), Integers::load(s, &instance));
+        Nearest { found, primitive, instance, t: Floats::load(s, &t) }
+    }
+
+    /// Of a hit of a triangle with these corners in the space of an instance's mesh: barycentric weights of the second and third corner, and the
+    /// geometric normal in the world.
+    ///
+    /// # Panics
+    /// Where there is no such instance.
+    #[inline(always)]
+    pub fn details_of_instance(
+        &self,
+        ray: &Ray,
+        instance: u32,
+        triangle: &[[f32; 3]; 3],
+    ) -> ([f32; 2], [f32; 3]) {
+        let placed = &self.instances[instance as usize];
+        let frame = RayFrame::new(&placed.object_ray(ray, (0.0, 0.0), f32::INFINITY));
+        let (u, v, normal) = details(&frame, triangle);
+        ([u, v], placed.world_normal(normal))
     }
 
     /// What the first `count` rays of two times eight hit first in a tree without instances, where they run close together, as the camera
@@ -181,27 +204,30 @@ impl Bvh {
             found[half] |= u32::from(best.found) << lane;
             (primitive[half].0[lane], t[half].0[lane]) = (best.primitive, best.t);
         }
+        let instance = Integers::splat(s, NO_INSTANCE);
         [
             Nearest {
                 found: found[0],
                 primitive: Integers::load(s, &primitive[0]),
+                instance,
                 t: Floats::load(s, &t[0]),
             },
             Nearest {
                 found: found[1],
                 primitive: Integers::load(s, &primitive[1]),
+                instance,
                 t: Floats::load(s, &t[1]),
             },
         ]
     }
 
-    /// The rays of lanes `active` that are blocked before `t_max` in a tree without instances, by what each lane's filter accepts but for two
-    /// triangles of each: as [`Bvh::occluded_filtered`] says, and tells of it.
+    /// The rays of lanes `active` that are blocked before `t_max`, by what each lane's filter accepts but for two triangles of each: as
+    /// [`Bvh::occluded_filtered`] says, and tells of it.
     ///
     /// # Panics
-    /// May panic where the tree has instances.
+    /// May panic where the tree has instances, unless `INSTANCED`.
     #[inline(always)]
-    pub fn occluded_lanes<S: Simd, F: Filter + Copy, P: LaneProbes>(
+    pub fn occluded_lanes<S: Simd, F: Filter + Copy, P: LaneProbes, const INSTANCED: bool>(
         &self,
         s: S,
         rays: &Rays<S>,
@@ -220,8 +246,14 @@ impl Bvh {
             let except = [from.0[lane], to.0[lane]];
             let mut filter = filters[lane];
             let mut probe = probes.ray(lane);
-            let hit =
-                any_of_frame::<S, P::Ray<'_>, F, false, 2>(s, self, &frame, except, &mut filter, &mut probe);
+            let hit = any_of_frame::<S, P::Ray<'_>, F, INSTANCED, 2>(
+                s,
+                self,
+                &frame,
+                except,
+                &mut filter,
+                &mut probe,
+            );
             probe.finish(hit);
             probes.ended();
             occluded |= u32::from(hit) << lane;
@@ -231,10 +263,10 @@ impl Bvh {
 }
 
 impl<S: Simd> Nearest<S> {
-    /// The rest of what is to know, of triangles with area and these corners.
+    /// The rest of what is to know, of triangles of the world with area and these corners.
     #[inline(always)]
     pub fn hits(self, s: S, rays: &Rays<S>, corners: [Vectors<S>; 3]) -> Hits<S> {
-        let Self { found, primitive, t } = self;
+        let Self { found, primitive, t, .. } = self;
         let [u, v] = edge_weights(s, rays, corners);
         Hits { found, primitive, corners, t, u, v, normal: unit_normals(s, corners) }
     }

@@ -18,6 +18,8 @@ pub struct Nearest<S: Simd> {
     pub found: u32,
     /// Index of the triangle.
     pub primitive: Integers<S>,
+    /// Index of the instance that it belongs to, [`NO_INSTANCE`](crate::NO_INSTANCE) for triangles of the world.
+    pub instance: Integers<S>,
     /// Distance in lengths of the ray's direction.
     pub t: Floats<S>,
 }

@@ -221,10 +221,8 @@ pub(crate) fn closest<S: Simd, P: RayProbe, F: Filter, const INSTANCED: bool, co
     }
     let triangle = bvh.blocks[best.block].triangle(best.lane);
     let (u, v, normal) = if INSTANCED && best.instance != NO_INSTANCE {
-        let placed = &bvh.instances[best.instance as usize];
-        let frame = RayFrame::new(&placed.object_ray(ray, (0.0, 0.0), f32::INFINITY));
-        let (u, v, normal) = details(&frame, &triangle);
-        (u, v, placed.world_normal(normal))
+        let ([u, v], normal) = bvh.details_of_instance(ray, best.instance, &triangle);
+        (u, v, normal)
     } else {
         details(&frame, &triangle)
     };

@@ -54,9 +54,8 @@ pub(crate) fn closest_hits<'a, S: Simd, C: Class>(
     hits: &mut [Option<Hit>],
 ) {
     let scene = kernel.scene;
-    let cutouts = has::<C>(Feature::Cutouts) && scene.cutouts.any();
-    let instances = has::<C>(Feature::Instances) && scene.bvh.instance_count() > 0;
-    if cutouts || instances || !kernel.packets {
+    let extras = has::<C>(Feature::Cutouts) || has::<C>(Feature::Instances);
+    if !kernel.packets || (extras && !scene.in_packets()) {
         for (place, (ray, hit)) in rays.iter().zip(hits).enumerate() {
             *hit = closest_hit::<S, _, C>(simd, scene, ray, NONE, &sampler(place), 0, NoProbe);
         }

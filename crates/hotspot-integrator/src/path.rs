@@ -9,14 +9,13 @@
 use crate::bsdf::Bsdf;
 use crate::cast::{closest_hit, occluded};
 use crate::class::{Class, Feature, has};
-use crate::cutout::presence;
 use crate::geometry::{Attributes, Part, SurfacePoint};
 use crate::light::{Learned, LightTarget, Outlook, Viewpoint, area_to_solid_angle, met, ray_to_position};
 use crate::math::{Frame, power_heuristic};
 use crate::roulette::Survival;
 use crate::sampler::{Dimensions, Sampler};
 use crate::scene::RenderScene;
-use crate::surface::{bumped, resolve};
+use crate::surface::{bumped, emitted, resolve};
 use crate::texture::color;
 use glam::{Vec2, Vec3};
 use hotspot_bvh::simd::Simd;
@@ -378,22 +377,7 @@ fn sample_light<S: Simd, P: Probe, C: Class, const ANY: bool>(
             if !(cos > 0.0 || (material.double_sided && cos < 0.0)) {
                 return Vec3::ZERO;
             }
-            let emission = if C::TEXTURED {
-                let surface = scene.geometry.world_surface(primitive);
-                let attributes = scene.geometry.attributes::<C>(surface, uv.x, uv.y);
-                let mut share = 1.0;
-                if has::<C>(Feature::Cutouts) && part.cutout {
-                    let (there, lookups, bytes) = presence(scene, material, &attributes);
-                    probe.texture(lookups, bytes);
-                    share = there;
-                }
-                if share == 0.0 {
-                    return Vec3::ZERO;
-                }
-                color(&scene.textures, &material.emission, &attributes, probe) * share
-            } else {
-                Vec3::from_array(material.emission.factor)
-            };
+            let emission = emitted::<P, C>(scene, primitive, uv, probe);
             let target = point.meet(if cos < 0.0 { -normal } else { normal }, origin);
             let mut ray = Ray::new(origin.to_array(), (target - origin).to_array());
             ray.t_max = 1.0;

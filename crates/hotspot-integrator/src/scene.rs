@@ -91,6 +91,11 @@ pub struct SceneMemory {
 }
 
 impl RenderScene {
+    /// Whether its camera rays may go in packets: which know neither cutouts, that are asked ray by ray, nor instances.
+    pub(crate) fn in_packets(&self) -> bool {
+        !self.cutouts.any() && self.bvh.instance_count() == 0
+    }
+
     /// Places the geometry, builds the tree and collects the lights. A scene without an environment gets a constant white one,
     /// which is named among the repairs, where there is no light at all, or nothing but glow: emission of at most 1 that
     /// comes through textures. Files with glow are made for viewers that light everything by an environment of their

@@ -2,10 +2,11 @@
 
 use crate::bsdf::{Bsdf, Glass, RoughMetal, Substrate};
 use crate::class::{Class, Feature, has};
+use crate::cutout::presence;
 use crate::geometry::{Attributes, Surface};
 use crate::scene::RenderScene;
 use crate::texture::{color, mapped_normal, scalar};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use hotspot_probe::Probe;
 
 /// The material at a point: textures looked up, one part of a mixed material chosen by `choice`.
@@ -87,6 +88,32 @@ fn alpha<P: Probe, C: Class>(
 ) -> f32 {
     let roughness = number::<P, C>(scene, roughness, point, probe);
     (roughness * roughness).max(1e-3)
+}
+
+/// What a point of an emissive triangle of the world emits, as light sampling takes it: by the share of the surface that is there.
+#[inline(always)]
+pub(crate) fn emitted<P: Probe, C: Class>(
+    scene: &RenderScene,
+    primitive: u32,
+    uv: Vec2,
+    probe: &mut P,
+) -> Vec3 {
+    let surface = scene.geometry.world_surface(primitive);
+    let material = &scene.materials[surface.part.material as usize];
+    if !C::TEXTURED {
+        return Vec3::from_array(material.emission.factor);
+    }
+    let attributes = scene.geometry.attributes::<C>(surface, uv.x, uv.y);
+    let mut share = 1.0;
+    if has::<C>(Feature::Cutouts) && surface.part.cutout {
+        let (there, lookups, bytes) = presence(scene, material, &attributes);
+        probe.texture(lookups, bytes);
+        share = there;
+    }
+    if share == 0.0 {
+        return Vec3::ZERO;
+    }
+    color(&scene.textures, &material.emission, &attributes, probe) * share
 }
 
 /// The shading normal on the path's side, under a normal map. `smooth` is the interpolated normal.

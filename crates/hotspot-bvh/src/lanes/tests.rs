@@ -52,14 +52,14 @@ impl WithSimd for Ask<'_> {
         let (nearest, occluded) = if filtered {
             let filters = [Thirds; 8];
             (
-                bvh.closest_of_lanes(s, &rays, from, active, (&filters, &mut NoProbe)),
-                bvh.occluded_lanes(s, &rays, t_max, ends, active, (&filters, &mut NoProbe)),
+                bvh.closest_of_lanes::<_, _, _, false>(s, &rays, from, active, (&filters, &mut NoProbe)),
+                bvh.occluded_lanes::<_, _, _, false>(s, &rays, t_max, ends, active, (&filters, &mut NoProbe)),
             )
         } else {
             let filters = [NoFilter; 8];
             (
-                bvh.closest_of_lanes(s, &rays, from, active, (&filters, &mut NoProbe)),
-                bvh.occluded_lanes(s, &rays, t_max, ends, active, (&filters, &mut NoProbe)),
+                bvh.closest_of_lanes::<_, _, _, false>(s, &rays, from, active, (&filters, &mut NoProbe)),
+                bvh.occluded_lanes::<_, _, _, false>(s, &rays, t_max, ends, active, (&filters, &mut NoProbe)),
             )
         };
         let corner = |corner: usize| {

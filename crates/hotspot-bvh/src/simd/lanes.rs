@@ -511,6 +511,17 @@ impl<S: Simd> Vectors<S> {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
+    /// Vector product.
+    #[inline(always)]
+    #[must_use]
+    pub fn cross(self, other: Self) -> Self {
+        Self::new(
+            self.y * other.z - other.y * self.z,
+            self.z * other.x - other.z * self.x,
+            self.x * other.y - other.x * self.y,
+        )
+    }
+
     /// Times a number for each lane.
     #[inline(always)]
     #[must_use]

@@ -189,6 +189,34 @@ impl Geometry {
         &self.parts[self.part_of[primitive as usize] as usize]
     }
 
+    /// Number of parts, those that are instances after those of the world.
+    pub(crate) fn part_count(&self) -> usize {
+        self.parts.len() + self.placed.len()
+    }
+
+    /// One of them.
+    #[inline(always)]
+    pub(crate) fn part_of_number(&self, number: u32) -> &Part {
+        let number = number as usize;
+        match number.checked_sub(self.parts.len()) {
+            None => &self.parts[number],
+            Some(instance) => &self.placed[instance].part,
+        }
+    }
+
+    /// The numbers of the parts that these triangles of the world, or of instances, belong to.
+    #[inline(always)]
+    pub(crate) fn part_numbers<S: Simd>(&self, primitive: Integers<S>, instance: Integers<S>) -> Integers<S> {
+        let placed = instance + self.parts.len() as u32;
+        if self.part_of.is_empty() {
+            return placed;
+        }
+        if self.placed.is_empty() {
+            return Integers::gather(&self.part_of, primitive);
+        }
+        Integers::gather(&self.part_of, primitive).or_where_not(instance.is(NO_INSTANCE), placed)
+    }
+
     /// The triangle `primitive` of the world or of an instance.
     #[inline(always)]
     pub(crate) fn surface(&self, instance: u32, primitive: u32) -> Surface<'_> {
@@ -205,6 +233,12 @@ impl Geometry {
     #[inline(always)]
     pub(crate) fn world_surface(&self, primitive: u32) -> Surface<'_> {
         Surface { part: self.part(primitive), triangle: primitive, placed: None }
+    }
+
+    /// The triangle's corners, where it is stored.
+    #[inline(always)]
+    pub(crate) fn corners_of(&self, surface: Surface<'_>) -> &[[f32; 3]; 3] {
+        &self.triangles[surface.triangle as usize]
     }
 
     #[inline(always)]

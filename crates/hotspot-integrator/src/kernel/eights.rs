@@ -148,7 +148,7 @@ fn take_list<S: Simd>(
         scene: kernel.scene,
         lanes,
         few,
-        packets: kernel.packets && !kernel.scene.cutouts.any() && few.is_none() && counted.is_none(),
+        packets: kernel.packets && few.is_none() && counted.is_none() && kernel.scene.in_packets(),
         camera: &kernel.camera,
         size: (kernel.width, kernel.height),
         settings: &kernel.path,

@@ -1,74 +1,114 @@
 //! Scattering at eight surfaces at once: [`crate::bsdf`] in lanes.
 //!
-//! Matte and substrate are computed for all lanes; of what is neither each is asked by itself, and so are textures.
+//! What varies over a surface, and which part of a mixed material it is, is found out lane by lane; all else is computed for all lanes, each kind of
+//! surface where there is one.
+
+mod glass;
+mod metal;
+mod substrate;
 
 use super::LaneScene;
 use super::counts::Lookups;
-use super::math::{pow5, sin_cos_turn, square_to_cosine_hemisphere, vec3};
+use super::math::square_to_cosine_hemisphere;
 use crate::bsdf::Bsdf;
 use crate::class::Class;
 use crate::geometry::{Attributes, Surface};
-use crate::math::{FRAC_1_PI, PI};
+use crate::math::FRAC_1_PI;
 use crate::scene::RenderScene;
 use crate::surface::resolve;
-use glam::Vec2;
+use glam::Vec3;
 use hotspot_bvh::simd::{F8, Floats, Integers, Lanes, Mask, Simd, U8, Vectors, set_vector};
-use hotspot_probe::{NoProbe, Probe};
+use hotspot_probe::Probe;
+use metal::sample_ggx;
 
 /// How a material scatters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u32)]
 pub(super) enum Kind {
     Matte,
     Substrate,
-    /// Asked one by one.
-    Other,
-    /// The same, and of no use to light sampling.
-    Specular,
+    Metal,
+    /// From here on they are of no use to light sampling.
+    Mirror,
+    Pane,
+    Glass,
+    /// Does not.
+    Unlit,
+    /// One of those before, by chance.
+    Mixed,
 }
 
 /// Of a part's kind the bits that are [`Kind`].
-const KIND: u32 = 3;
+const KIND: u32 = 7;
 /// Added to it where textures or colours of vertices are to be looked up.
-pub(super) const VARIES: u32 = 4;
+pub(super) const VARIES: u32 = 8;
 /// Added to it where there is a normal map.
-pub(super) const BUMPY: u32 = 8;
+pub(super) const BUMPY: u32 = 16;
+/// Added to it where what it emits is to be looked up.
+pub(super) const GLOWS: u32 = 32;
 
 impl Kind {
-    /// `None`: lanes do not know it.
-    pub(super) fn of(bsdf: &hotspot_scene::Bsdf) -> Option<Self> {
+    pub(super) fn of(bsdf: &hotspot_scene::Bsdf) -> Self {
         use hotspot_scene::Bsdf as Given;
         match bsdf {
-            Given::Matte { .. } => Some(Self::Matte),
-            Given::Substrate { .. } => Some(Self::Substrate),
-            Given::RoughMetal { .. } => Some(Self::Other),
-            Given::Glass { absorption, .. } if *absorption != [0.0; 3] => None,
-            Given::Mirror { .. } | Given::Glass { .. } => Some(Self::Specular),
-            Given::Unlit { .. } | Given::Mix { .. } => None,
+            Given::Matte { .. } => Self::Matte,
+            Given::Substrate { .. } => Self::Substrate,
+            Given::RoughMetal { .. } => Self::Metal,
+            Given::Mirror { .. } => Self::Mirror,
+            Given::Glass { thin: true, .. } => Self::Pane,
+            Given::Glass { .. } => Self::Glass,
+            Given::Unlit { .. } => Self::Unlit,
+            Given::Mix { .. } => Self::Mixed,
         }
+    }
+
+    /// Which of these are of this kind.
+    #[inline(always)]
+    pub(super) fn among<S: Simd>(self, kinds: Integers<S>) -> Mask<S> {
+        (kinds & KIND).is(self as u32)
     }
 }
 
 /// How eight surfaces scatter.
 #[derive(Clone, Copy)]
 pub(super) struct BsdfLanes<S: Simd> {
-    /// Reflectance of matte surfaces, of substrates that of the base.
+    /// [`Kind`].
+    kind: Integers<S>,
+    /// Reflectance of matte surfaces and mirrors, of substrates that of the base, of metals at normal incidence; what glass transmits.
     color: Vectors<S>,
+    /// Reflectance of a substrate's coat at normal incidence; absorption in glass.
     specular: Vectors<S>,
+    /// GGX's; of glass the relative index of refraction.
     alpha: Floats<S>,
-    substrate: Mask<S>,
-    /// Lanes, as bits: [`Kind::Other`] and [`Kind::Specular`], and the latter alone.
-    others: u32,
+    /// Lanes, as bits, that are of no use to light sampling.
     pub(super) speculars: u32,
-    /// What the others are asked by: where they are, and whether paths come from the front.
-    at: At<S>,
-    front: u32,
+}
+
+/// The same of one surface, as numbers: kind, colour, specular, alpha.
+type Numbers = (Kind, Vec3, Vec3, f32);
+
+/// What a surface is where textures are looked up.
+#[inline(always)]
+fn numbers(bsdf: &Bsdf) -> Numbers {
+    match *bsdf {
+        Bsdf::Matte(reflectance) => (Kind::Matte, reflectance, Vec3::ZERO, 0.0),
+        Bsdf::Substrate(substrate) => {
+            (Kind::Substrate, substrate.diffuse, substrate.specular, substrate.alpha)
+        }
+        Bsdf::Mirror(reflectance) => (Kind::Mirror, reflectance, Vec3::ZERO, 0.0),
+        Bsdf::RoughMetal(metal) => (Kind::Metal, metal.f0, Vec3::ZERO, metal.alpha),
+        Bsdf::Glass(glass) => {
+            let kind = if glass.thin { Kind::Pane } else { Kind::Glass };
+            (kind, glass.transmittance, glass.absorption, glass.eta)
+        }
+    }
 }
 
 /// Places on triangles.
 #[derive(Clone, Copy)]
 pub(super) struct At<S: Simd> {
     pub(super) primitive: Integers<S>,
+    pub(super) instance: Integers<S>,
     pub(super) u: Floats<S>,
     pub(super) v: Floats<S>,
 }
@@ -76,6 +116,7 @@ pub(super) struct At<S: Simd> {
 /// The same in memory.
 pub(super) struct Places {
     primitive: U8,
+    instance: U8,
     u: F8,
     v: F8,
 }
@@ -83,7 +124,12 @@ pub(super) struct Places {
 impl<S: Simd> At<S> {
     #[inline(always)]
     pub(super) fn store(&self) -> Places {
-        Places { primitive: self.primitive.store(), u: self.u.store(), v: self.v.store() }
+        Places {
+            primitive: self.primitive.store(),
+            instance: self.instance.store(),
+            u: self.u.store(),
+            v: self.v.store(),
+        }
     }
 }
 
@@ -95,7 +141,7 @@ impl Places {
         scene: &'s RenderScene,
         lane: usize,
     ) -> (Surface<'s>, Attributes) {
-        let surface = scene.geometry.world_surface(self.primitive.0[lane]);
+        let surface = scene.geometry.surface(self.instance.0[lane], self.primitive.0[lane]);
         let attributes = if C::TEXTURED {
             scene.geometry.attributes::<C>(surface, self.u.0[lane], self.v.0[lane])
         } else {
@@ -104,19 +150,29 @@ impl Places {
         (surface, attributes)
     }
 
+    #[inline(always)]
+    pub(super) fn primitive(&self, lane: usize) -> u32 {
+        self.primitive.0[lane]
+    }
+
     /// Barycentric weights of its second and third corner.
     #[inline(always)]
     pub(super) fn weights(&self, lane: usize) -> [f32; 2] {
         [self.u.0[lane], self.v.0[lane]]
     }
 
-    /// What its material is there.
+    /// What its material is there, of a mixed one the part that `choice` chooses.
     #[inline(always)]
-    fn bsdf<C: Class, P: Probe>(&self, scene: &RenderScene, lane: usize, front: u32, probe: &mut P) -> Bsdf {
+    fn bsdf<C: Class, P: Probe>(
+        &self,
+        scene: &RenderScene,
+        lane: usize,
+        (front, choice): (bool, f32),
+        probe: &mut P,
+    ) -> Bsdf {
         let (surface, attributes) = self.surface::<C>(scene, lane);
         let material = &scene.materials[surface.part.material as usize];
-        let front = front >> lane & 1 != 0;
-        resolve::<_, C>(scene, &material.bsdf, &attributes, front, 0.0, probe)
+        resolve::<_, C>(scene, &material.bsdf, &attributes, front, choice, probe)
     }
 }
 
@@ -132,64 +188,75 @@ pub(super) struct SampledLanes<S: Simd> {
 }
 
 impl<S: Simd> BsdfLanes<S> {
-    /// Of parts of these numbers and kinds, in lanes `alive`.
+    /// Of parts of these numbers and kinds, in lanes `alive`, on the side that paths come from; `choice` chooses among mixed ones.
     #[inline(always)]
     pub(super) fn new<C: Class>(
         s: S,
         (lanes, scene): (&LaneScene, &RenderScene),
         (part, kind): (Integers<S>, Integers<S>),
-        at: At<S>,
+        (at, choice): (At<S>, Floats<S>),
         (front, alive): (Mask<S>, u32),
         lookups: &mut [Lookups; 8],
     ) -> Self {
         let [r, g, b, x, y, z, alpha, _] =
             Floats::gather_eights(lanes.rows.as_flattened(), part.shift_left::<4>() + 8);
         let mut this = Self {
+            kind: kind & KIND,
             color: Vectors::new(r, g, b),
             specular: Vectors::new(x, y, z),
             alpha,
-            substrate: Mask::splat(s, false),
-            others: 0,
             speculars: 0,
-            at,
-            front: front.bits(),
         };
-        if C::LOBES {
-            let scatters = kind & KIND;
-            this.substrate = scatters.is(Kind::Substrate as u32);
-            this.speculars = scatters.is(Kind::Specular as u32).bits() & alive;
-            this.others = this.speculars | scatters.is(Kind::Other as u32).bits() & alive;
+        if !C::LOBES {
+            return this;
+        }
+        let glass = this.is(Kind::Glass);
+        if glass.bits() & alive != 0 {
+            this.alpha = glass.without(front).select(1.0 / alpha, alpha);
         }
         if C::TEXTURED {
-            let varies = (kind & VARIES).is(VARIES).bits() & alive & !this.others;
+            let varies = (kind & VARIES).is(VARIES).bits() & alive;
             if varies != 0 {
-                this = this.varied::<C>(s, scene, varies, lookups);
+                this = this.varied::<C>(s, scene, (at, choice, front.bits()), varies, lookups);
             }
         }
+        let least = Integers::splat(s, Kind::Mirror as u32);
+        this.speculars = least.to_floats().less_equal(this.kind.to_floats()).bits() & alive;
         this
     }
 
-    /// With what textures say in lanes `asked`.
+    /// Where it is of this kind.
+    #[inline(always)]
+    fn is(&self, kind: Kind) -> Mask<S> {
+        self.kind.is(kind as u32)
+    }
+
+    /// With what textures say and chance chooses in lanes `asked`.
     #[inline(never)]
-    fn varied<C: Class>(self, s: S, scene: &RenderScene, asked: u32, lookups: &mut [Lookups; 8]) -> Self {
+    fn varied<C: Class>(
+        self,
+        s: S,
+        scene: &RenderScene,
+        (at, choice, front): (At<S>, Floats<S>, u32),
+        asked: u32,
+        lookups: &mut [Lookups; 8],
+    ) -> Self {
         s.vectorize(
             #[inline(always)]
             || {
-                let places = self.at.store();
+                let (places, choice) = (at.store(), choice.store());
                 let (mut color, mut specular) = (self.color.store(), self.specular.store());
-                let mut alpha = self.alpha.store();
+                let (mut alpha, mut kind) = (self.alpha.store(), self.kind.store());
                 for lane in Lanes(asked) {
-                    match places.bsdf::<C, _>(scene, lane, self.front, &mut lookups[lane]) {
-                        Bsdf::Matte(reflectance) => set_vector(&mut color, lane, reflectance.to_array()),
-                        Bsdf::Substrate(substrate) => {
-                            set_vector(&mut color, lane, substrate.diffuse.to_array());
-                            set_vector(&mut specular, lane, substrate.specular.to_array());
-                            alpha.0[lane] = substrate.alpha;
-                        }
-                        _ => {}
-                    }
+                    let by = (front >> lane & 1 != 0, choice.0[lane]);
+                    let bsdf = places.bsdf::<C, _>(scene, lane, by, &mut lookups[lane]);
+                    let (is, of_color, of_specular, of_alpha) = numbers(&bsdf);
+                    set_vector(&mut color, lane, of_color.to_array());
+                    set_vector(&mut specular, lane, of_specular.to_array());
+                    (alpha.0[lane], kind.0[lane]) = (of_alpha, is as u32);
                 }
                 Self {
+                    kind: Integers::load(s, &kind),
                     color: Vectors::load(s, &color),
                     specular: Vectors::load(s, &specular),
                     alpha: Floats::load(s, &alpha),
@@ -199,12 +266,11 @@ impl<S: Simd> BsdfLanes<S> {
         )
     }
 
-    /// [`Bsdf::eval`] for lanes `asked`.
+    /// [`Bsdf::eval`] for lanes `asked`, which none that is of no use to light sampling is among.
     #[inline(always)]
     pub(super) fn eval<C: Class>(
         &self,
         s: S,
-        scene: &RenderScene,
         wo: Vectors<S>,
         wi: Vectors<S>,
         asked: u32,
@@ -217,16 +283,19 @@ impl<S: Simd> BsdfLanes<S> {
             return (f_cos.or_zero(above), pdf);
         }
         let (mut f_cos, mut pdf) = (f_cos, pdf);
-        if self.substrate.bits() & asked != 0 {
+        let substrate = self.is(Kind::Substrate);
+        if substrate.bits() & asked != 0 {
             let (coated, coated_pdf) = self.eval_substrate(s, wo, wi);
-            f_cos = coated.or_where_not(self.substrate, f_cos);
-            pdf = self.substrate.select(coated_pdf, pdf);
+            f_cos = coated.or_where_not(substrate, f_cos);
+            pdf = substrate.select(coated_pdf, pdf);
         }
-        (f_cos, pdf) = (f_cos.or_zero(above), above.or_zero(pdf));
-        if self.others & asked != 0 {
-            (f_cos, pdf) = self.eval_others::<C>(s, scene, [wo, wi], (f_cos, pdf), self.others & asked);
+        let metal = self.is(Kind::Metal);
+        if metal.bits() & asked != 0 {
+            let (reflected, reflected_pdf) = self.eval_metal(s, wo, wi);
+            f_cos = reflected.or_where_not(metal, f_cos);
+            pdf = metal.select(reflected_pdf, pdf);
         }
-        (f_cos, pdf)
+        (f_cos.or_zero(above), above.or_zero(pdf))
     }
 
     /// [`Bsdf::sample`], by `lobe` and two numbers as [`Bsdf::choose_lobe`] leaves them, for lanes `asked`.
@@ -234,141 +303,52 @@ impl<S: Simd> BsdfLanes<S> {
     pub(super) fn sample<C: Class>(
         &self,
         s: S,
-        scene: &RenderScene,
         wo: Vectors<S>,
         [lobe, v]: [Floats<S>; 2],
         asked: u32,
-        lookups: &mut [Lookups; 8],
     ) -> SampledLanes<S> {
         let (zero, one) = (Floats::splat(s, 0.0), Floats::splat(s, 1.0));
-        let half = Floats::splat(s, 0.5);
-        let mut u = lobe;
+        let substrate = self.is(Kind::Substrate);
+        let (mut u, mut diffuse) = (lobe, substrate);
         if C::LOBES {
-            let stretched = lobe.less(half).select(lobe * 2.0, lobe * 2.0 - 1.0);
-            u = self.substrate.select(stretched, u);
+            diffuse = lobe.less(Floats::splat(s, 0.5));
+            u = substrate.select(diffuse.select(lobe * 2.0, lobe * 2.0 - 1.0), lobe);
         }
         let wi = square_to_cosine_hemisphere(s, u, v);
         let pdf = Floats::splat(s, FRAC_1_PI) * wi.z;
         let mut sample = SampledLanes { there: asked, wi, weight: self.color, pdf, eta_scale: one };
-        if C::LOBES && self.substrate.bits() & asked != 0 {
-            let about = reflect(wo, self.sample_ggx(s, u, v));
-            let reflected = self.substrate.without(lobe.less(half));
-            sample.wi = about.or_where_not(reflected, wi);
-            let (f_cos, pdf) = self.eval_substrate(s, wo, sample.wi);
-            let weight = Vectors::new(f_cos.x / pdf, f_cos.y / pdf, f_cos.z / pdf);
-            // What lies below has no density.
-            let above = zero.less(sample.wi.z);
-            sample.pdf = self.substrate.select(above.or_zero(pdf), sample.pdf);
-            sample.weight = weight.or_where_not(self.substrate, sample.weight);
+        if C::LOBES {
+            if substrate.bits() & asked != 0 {
+                let about = reflect(wo, sample_ggx(s, self.alpha, u, v));
+                sample.wi = about.or_where_not(substrate.without(diffuse), wi);
+                let (f_cos, pdf) = self.eval_substrate(s, wo, sample.wi);
+                sample.weigh(s, substrate, f_cos, pdf);
+            }
+            let metal = self.is(Kind::Metal);
+            if metal.bits() & asked != 0 {
+                let about = reflect(wo, self.sample_visible_normal(s, wo, u, v));
+                sample.wi = about.or_where_not(metal, sample.wi);
+                let (f_cos, pdf) = self.eval_metal(s, wo, sample.wi);
+                sample.weigh(s, metal, f_cos, pdf);
+            }
+            if self.speculars & asked != 0 {
+                sample = self.sample_specular(s, wo, lobe, sample, asked);
+            }
         }
         let there = zero.less(sample.pdf) & sample.weight.any();
         sample.there &= there.bits();
-        if C::LOBES && self.others & asked != 0 {
-            sample = self.sample_others::<C>(s, scene, wo, [lobe, v], (sample, self.others & asked), lookups);
-        }
         sample
     }
+}
 
-    /// [`Substrate::eval`](crate::bsdf::Substrate::eval) where both directions lie above.
+impl<S: Simd> SampledLanes<S> {
+    /// Sets weight and density where `which`, of directions with this f·cos and density; what lies below has none.
     #[inline(always)]
-    fn eval_substrate(&self, s: S, wo: Vectors<S>, wi: Vectors<S>) -> (Vectors<S>, Floats<S>) {
-        let (zero, one) = (Floats::splat(s, 0.0), Floats::splat(s, 1.0));
-        let half = Floats::splat(s, 0.5);
-        let h = wi + wo;
-        let length = h.dot(h).sqrt();
-        let some = Floats::splat(s, 1e-7).less_equal(length);
-        let h = Vectors::new(h.x / length, h.y / length, h.z / length);
-        let wi_h = half * length;
-        let d = ggx(s, h, self.alpha);
-        let ones = Vectors::new(one, one, one);
-        let coat = Floats::splat(s, 28.0 / (23.0 * PI))
-            * (one - pow5(one - half * wi.z))
-            * (one - pow5(one - half * wo.z));
-        let diffuse = (self.color * (ones - self.specular)).scaled(coat);
-        let schlick = pow5((one - wi_h).max(zero));
-        let fresnel = self.specular + (ones - self.specular).scaled(schlick);
-        let lobe = d / (Floats::splat(s, 4.0) * wi_h);
-        let f_cos = diffuse.scaled(wi.z) + fresnel.scaled(lobe * (wi.z / wi.z.max(wo.z)));
-        let pdf = half * (Floats::splat(s, FRAC_1_PI) * wi.z + lobe * h.z.abs());
-        (f_cos.or_zero(some), some.or_zero(pdf))
-    }
-
-    /// [`crate::bsdf::sample_ggx`].
-    #[inline(always)]
-    fn sample_ggx(&self, s: S, u: Floats<S>, v: Floats<S>) -> Vectors<S> {
-        let a2 = self.alpha * self.alpha;
-        let (up, out) = (Floats::splat(s, 1.0) - u, a2 * u);
-        let denominator = up + out;
-        let cos = (up / denominator).sqrt();
-        let sin = (out / denominator).sqrt();
-        let (y, x) = sin_cos_turn(s, v);
-        Vectors::new(sin * x, sin * y, cos)
-    }
-
-    #[inline(never)]
-    fn eval_others<C: Class>(
-        &self,
-        s: S,
-        scene: &RenderScene,
-        [wo, wi]: [Vectors<S>; 2],
-        (f_cos, pdf): (Vectors<S>, Floats<S>),
-        asked: u32,
-    ) -> (Vectors<S>, Floats<S>) {
-        s.vectorize(
-            #[inline(always)]
-            || {
-                let (places, wo, wi) = (self.at.store(), wo.store(), wi.store());
-                let (mut f_cos, mut pdf) = (f_cos.store(), pdf.store());
-                for lane in Lanes(asked) {
-                    let bsdf = places.bsdf::<C, _>(scene, lane, self.front, &mut NoProbe);
-                    let (f, p) = bsdf.eval(vec3(&wo, lane), vec3(&wi, lane));
-                    set_vector(&mut f_cos, lane, f.to_array());
-                    pdf.0[lane] = p;
-                }
-                (Vectors::load(s, &f_cos), Floats::load(s, &pdf))
-            },
-        )
-    }
-
-    #[inline(never)]
-    fn sample_others<C: Class>(
-        &self,
-        s: S,
-        scene: &RenderScene,
-        wo: Vectors<S>,
-        [lobe, v]: [Floats<S>; 2],
-        (sample, asked): (SampledLanes<S>, u32),
-        lookups: &mut [Lookups; 8],
-    ) -> SampledLanes<S> {
-        s.vectorize(
-            #[inline(always)]
-            || {
-                let (places, wo) = (self.at.store(), wo.store());
-                let (lobe, v) = (lobe.store(), v.store());
-                let (mut wi, mut weight) = (sample.wi.store(), sample.weight.store());
-                let (mut pdf, mut eta_scale) = (sample.pdf.store(), sample.eta_scale.store());
-                let mut there = sample.there & !asked;
-                for lane in Lanes(asked) {
-                    let bsdf = places.bsdf::<C, _>(scene, lane, self.front, &mut lookups[lane]);
-                    let (choice, u) = bsdf.choose_lobe(lobe.0[lane]);
-                    let Some(one) = bsdf.sample(vec3(&wo, lane), choice, Vec2::new(u, v.0[lane])) else {
-                        continue;
-                    };
-                    there |= 1 << lane;
-                    set_vector(&mut wi, lane, one.wi.to_array());
-                    set_vector(&mut weight, lane, one.weight.to_array());
-                    pdf.0[lane] = one.pdf;
-                    eta_scale.0[lane] = one.eta_scale;
-                }
-                SampledLanes {
-                    there,
-                    wi: Vectors::load(s, &wi),
-                    weight: Vectors::load(s, &weight),
-                    pdf: Floats::load(s, &pdf),
-                    eta_scale: Floats::load(s, &eta_scale),
-                }
-            },
-        )
+    fn weigh(&mut self, s: S, which: Mask<S>, f_cos: Vectors<S>, pdf: Floats<S>) {
+        let weight = Vectors::new(f_cos.x / pdf, f_cos.y / pdf, f_cos.z / pdf);
+        let above = Floats::splat(s, 0.0).less(self.wi.z);
+        self.pdf = which.select(above.or_zero(pdf), self.pdf);
+        self.weight = weight.or_where_not(which, self.weight);
     }
 }
 
@@ -376,12 +356,4 @@ impl<S: Simd> BsdfLanes<S> {
 #[inline(always)]
 fn reflect<S: Simd>(w: Vectors<S>, h: Vectors<S>) -> Vectors<S> {
     h.scaled(w.dot(h) * 2.0) - w
-}
-
-/// [`crate::bsdf::ggx`].
-#[inline(always)]
-fn ggx<S: Simd>(s: S, h: Vectors<S>, alpha: Floats<S>) -> Floats<S> {
-    let a2 = alpha * alpha;
-    let t = h.x * h.x + h.y * h.y + a2 * (h.z * h.z);
-    a2 * Floats::splat(s, FRAC_1_PI) / (t * t)
 }

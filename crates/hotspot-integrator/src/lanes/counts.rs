@@ -76,7 +76,7 @@ impl Counted<'_> {
     #[inline(never)]
     pub(super) fn land(&mut self, scene: &RenderScene, number: &U8, part: &U8, landed: u32) {
         for lane in Lanes(landed) {
-            let object = scene.geometry.parts[part.0[lane] as usize].object;
+            let object = scene.geometry.part_of_number(part.0[lane]).object;
             self.ends[number.0[lane] as usize].first_object = object;
         }
     }
@@ -123,14 +123,14 @@ impl Counted<'_> {
 
 /// Counts look-ups of textures.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Lookups {
+pub(crate) struct Lookups {
     lookups: u32,
     bytes: u32,
 }
 
 impl Lookups {
     /// Of eight lanes.
-    pub(super) const NONE: [Self; 8] = [Self { lookups: 0, bytes: 0 }; 8];
+    pub(crate) const NONE: [Self; 8] = [Self { lookups: 0, bytes: 0 }; 8];
 }
 
 impl Probe for Lookups {
@@ -160,8 +160,9 @@ pub(super) struct Senders<'a> {
     pub(super) scene: &'a RenderScene,
     pub(super) kind: RayKind,
     pub(super) number: U8,
-    /// The triangles that they leave, and that shadow rays are aimed at ([`NONE`]: the sky).
-    pub(super) from: U8,
+    /// The parts that they leave ([`Geometry::part_of_number`](crate::geometry::Geometry::part_of_number)), and the triangles of the world that shadow
+    /// rays are aimed at ([`NONE`]: none).
+    pub(super) part: U8,
     pub(super) to: U8,
     /// Scattering events before them.
     pub(super) bounces: U8,
@@ -181,7 +182,7 @@ impl Senders<'_> {
             return Spawner::CAMERA;
         }
         let parts = &self.scene.geometry;
-        let part = parts.part(self.from.0[lane]);
+        let part = parts.part_of_number(self.part.0[lane]);
         let to = if shadow { self.to.0[lane] } else { NONE };
         let light = if to == NONE { NONE } else { parts.part(to).object };
         Spawner { object: part.object, material: part.material, bounce, kind: self.kind, light }

@@ -3,9 +3,9 @@
 use glam::Vec3;
 use hotspot_bvh::simd::{F8, Floats, Integers, Simd, Vectors, vector};
 
-/// [`crate::math::square_to_cosine_hemisphere`].
+/// [`crate::math::square_to_disk`].
 #[inline(always)]
-pub(crate) fn square_to_cosine_hemisphere<S: Simd>(s: S, u: Floats<S>, v: Floats<S>) -> Vectors<S> {
+pub(crate) fn square_to_disk<S: Simd>(s: S, u: Floats<S>, v: Floats<S>) -> (Floats<S>, Floats<S>) {
     let zero = Floats::splat(s, 0.0);
     let two = Floats::splat(s, 2.0);
     let (a, b) = (two * u - 1.0, two * v - 1.0);
@@ -16,8 +16,14 @@ pub(crate) fn square_to_cosine_hemisphere<S: Simd>(s: S, u: Floats<S>, v: Floats
     let centre = radius.is(0.0);
     let along = centre.select(zero, radius * cos);
     let across = centre.select(zero, radius * sin);
-    let (x, y) = (wide.select(along, across), wide.select(across, along));
-    Vectors::new(x, y, (1.0 - x * x - y * y).max(zero).sqrt())
+    (wide.select(along, across), wide.select(across, along))
+}
+
+/// [`crate::math::square_to_cosine_hemisphere`].
+#[inline(always)]
+pub(crate) fn square_to_cosine_hemisphere<S: Simd>(s: S, u: Floats<S>, v: Floats<S>) -> Vectors<S> {
+    let (x, y) = square_to_disk(s, u, v);
+    Vectors::new(x, y, (1.0 - x * x - y * y).max(Floats::splat(s, 0.0)).sqrt())
 }
 
 #[inline(always)]
@@ -117,7 +123,7 @@ pub(super) fn power_heuristic<S: Simd>(s: S, pdf: Floats<S>, other: Floats<S>) -
 
 /// The largest component.
 #[inline(always)]
-pub(super) fn max_element<S: Simd>(v: Vectors<S>) -> Floats<S> {
+pub(crate) fn max_element<S: Simd>(v: Vectors<S>) -> Floats<S> {
     v.x.max(v.y.max(v.z))
 }
 

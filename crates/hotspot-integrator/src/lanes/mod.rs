@@ -23,7 +23,7 @@ use crate::check::visit_shaded_textures;
 use crate::geometry::{Part, SurfacePoint};
 use crate::light::LightLanes;
 use crate::scene::RenderScene;
-use bsdf::{BUMPY, Kind, VARIES};
+use bsdf::{BUMPY, GLOWS, Kind, VARIES};
 pub(crate) use counts::{Counted, End, Listener};
 use glam::Vec3;
 use hotspot_bvh::few::FewTriangles;
@@ -43,6 +43,8 @@ pub(crate) struct LaneScene {
     rows: Vec<[f32; ROW]>,
     /// Whether any surface has normals of its own.
     smooth: bool,
+    /// Whether what any emits varies over it.
+    glows: bool,
     /// Of few triangles whose corners have the same normal each: those; of triangles without any, zeros. Three numbers more at the end.
     flat_normals: Option<Vec<f32>>,
 }
@@ -65,31 +67,31 @@ struct PartLanes<S: Simd> {
 }
 
 impl LaneScene {
-    /// `None` for scenes without triangles, and for those that hold what lanes do not know: instances, lights without area, environment maps, materials that are mixed, unlit
-    /// or absorb, and emission that is textured or cut out. All triangles are tried where there are at most [`FewTriangles::MOST`], of regular
-    /// shape and opaque, and no environment; unless a parallel camera looks along one: all of its rays would be doubtful.
+    /// `None` for scenes without triangles. All of them are tried where there are at most [`FewTriangles::MOST`], of regular shape and opaque, none in
+    /// instances, and neither an environment nor a light without area; unless a parallel camera looks along one: all of its rays would be doubtful.
     pub(crate) fn new(scene: &RenderScene, camera: &FilmCamera) -> Option<Self> {
         let geometry = &scene.geometry;
         let (corners, normals) = geometry.corners_and_normals();
         // Lanes gather by numbers below 2^31.
-        let too_many = corners.len().max(normals.len()) > i32::MAX as usize;
-        if geometry.part_of.is_empty() || scene.bvh.instance_count() > 0 || too_many {
+        let too_many = corners.len().max(normals.len()).max(ROW * geometry.part_count()) > i32::MAX as usize;
+        if geometry.triangles.is_empty() || too_many {
             return None;
         }
         #[cfg(hotspot_ablation)]
         if scene.without.is_some() {
             return None;
         }
-        let lights = LightLanes::new(&scene.lights, geometry, &scene.materials)?;
-        let few = if lights.has_sky() || scene.cutouts.any() {
+        let lights = LightLanes::new(&scene.lights, geometry, &scene.materials);
+        let instanced = scene.bvh.instance_count() > 0;
+        let few = if !lights.are_surfaces() || scene.cutouts.any() || instanced {
             None
         } else {
             FewTriangles::new(&geometry.triangles, camera.reach())
         };
         let few =
             few.filter(|few| !camera.parallel_direction().is_some_and(|direction| few.has_along(direction)));
-        let rows: Option<Vec<_>> =
-            geometry.parts.iter().map(|part| row(part, &scene.materials[part.material as usize])).collect();
+        let parts = (0..geometry.part_count() as u32).map(|number| geometry.part_of_number(number));
+        let material = |part: &Part| &scene.materials[part.material as usize];
         let flat_normals = few.as_ref().and_then(|_| {
             let all = (0..geometry.triangles.len() as u32).map(|t| match geometry.corner_normals(t) {
                 None => Some([0.0; 3]),
@@ -104,8 +106,9 @@ impl LaneScene {
         Some(Self {
             few,
             lights,
-            rows: rows?,
-            smooth: geometry.parts.iter().any(|part| part.smooth().is_some()),
+            rows: parts.clone().map(|part| row(part, material(part))).collect(),
+            glows: parts.clone().any(|part| glows(material(part))),
+            smooth: parts.clone().any(|part| part.smooth().is_some()),
             flat_normals,
         })
     }
@@ -126,19 +129,25 @@ impl LaneScene {
     }
 }
 
-/// A part's row; `None` where lanes do not know its material.
-fn row(part: &Part, material: &Material) -> Option<[f32; ROW]> {
-    if material.is_emissive() && (material.emission.texture.is_some() || material.alpha != Alpha::Opaque) {
-        return None;
-    }
+/// Whether what a surface emits varies over it.
+fn glows(material: &Material) -> bool {
+    material.is_emissive() && (material.emission.texture.is_some() || material.alpha != Alpha::Opaque)
+}
+
+/// A part's row.
+fn row(part: &Part, material: &Material) -> [f32; ROW] {
     let [corners, normals] = part.smooth().unwrap_or([0, NONE]).map(f32::from_bits);
     let two_sided = f32::from_bits(material.double_sided.into());
     let [r, g, b] = material.emission.factor;
-    let mut kind = Kind::of(&material.bsdf)? as u32;
-    let mut textured = part.has_colors();
+    let scatters = Kind::of(&material.bsdf);
+    let mut kind = scatters as u32;
+    let mut textured = part.has_colors() || scatters == Kind::Mixed;
     visit_shaded_textures(material, &mut |_| textured = true);
     if textured {
         kind |= VARIES;
+    }
+    if glows(material) {
+        kind |= GLOWS;
     }
     if part.has_tangents() && material.normal_map.is_some() {
         kind |= BUMPY;
@@ -155,9 +164,19 @@ fn row(part: &Part, material: &Material) -> Option<[f32; ROW]> {
             row[11..14].copy_from_slice(&specular.to_array());
             row[14] = (roughness.factor * roughness.factor).max(1e-3);
         }
-        _ => {}
+        Bsdf::Mirror { reflectance } => row[8..11].copy_from_slice(&reflectance.factor),
+        Bsdf::RoughMetal { f0, roughness } => {
+            row[8..11].copy_from_slice(&f0.factor);
+            row[14] = (roughness.factor * roughness.factor).max(1e-3);
+        }
+        Bsdf::Glass { ior, transmittance, absorption, .. } => {
+            row[8..11].copy_from_slice(&transmittance.factor);
+            row[11..14].copy_from_slice(absorption);
+            row[14] = *ior;
+        }
+        Bsdf::Unlit { .. } | Bsdf::Mix { .. } => {}
     }
-    Some(row)
+    row
 }
 
 /// [`SurfacePoint`]s in lanes.

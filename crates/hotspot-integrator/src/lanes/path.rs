@@ -6,19 +6,23 @@
 
 mod pool;
 
-use super::bsdf::{At, BUMPY, BsdfLanes};
+use super::bsdf::{At, BUMPY, BsdfLanes, GLOWS, Kind};
 use super::counts::{Counted, Lookups, Senders};
 use super::math::{FrameLanes, facing, max_element, power_heuristic};
 use super::sampler::Points;
-use super::surface::{bumped_normals, points, shading_normals};
+use super::surface::{
+    absorbed, bumped_normals, emissions, emissions_of_samples, placed_normals, points, shading_normals,
+    unlit_colors,
+};
 use super::tree::{self, Query};
 use super::{LaneScene, PointLanes};
 use crate::camera::FilmCamera;
 use crate::class::{Class, Feature, MatteClass, has};
-use crate::light::{LightSamples, ViewpointLanes};
+use crate::light::{LightSamples, ViewpointLanes, sample_each, way_to_positions};
 use crate::path::PathSettings;
 use crate::roulette::LEAST_BASE;
 use crate::scene::RenderScene;
+use hotspot_bvh::NO_INSTANCE;
 use hotspot_bvh::few::{FewTriangles, Tried};
 use hotspot_bvh::rays::{Hits, Nearest, Rays};
 use hotspot_bvh::simd::{Floats, Integers, Lanes, Mask, Simd, U8, Vectors};
@@ -75,8 +79,10 @@ pub(crate) struct View<'a> {
 #[derive(Clone, Copy)]
 struct Paths<S: Simd> {
     rays: Rays<S>,
-    /// The triangle that the ray leaves.
+    /// The triangle of the world that the ray leaves.
     from: Integers<S>,
+    /// The number of its part; of kernels for everything.
+    part: Integers<S>,
     radiance: Vectors<S>,
     throughput: Vectors<S>,
     survival_scale: Floats<S>,
@@ -85,6 +91,8 @@ struct Paths<S: Simd> {
     scattered_cos: Floats<S>,
     /// The vertex, where light sampling depends on it.
     scattered_from: ViewpointLanes<S>,
+    /// Of the glass that they are in; of kernels for everything.
+    absorption: Vectors<S>,
     bounces: Integers<S>,
     /// Two numbers for the light sample at the next vertex.
     light: [Floats<S>; 2],
@@ -95,7 +103,9 @@ struct Paths<S: Simd> {
 
 /// A vertex of each path.
 struct Vertex<S: Simd> {
+    /// The triangle, if of the world, and its part.
     primitive: Integers<S>,
+    part: Integers<S>,
     geometric: Vectors<S>,
     /// Around the shading normal on the path's side.
     frame: FrameLanes<S>,
@@ -181,12 +191,14 @@ impl<S: Simd> Paths<S> {
         Self {
             rays,
             from: Integers::splat(s, NONE),
+            part: Integers::splat(s, 0),
             radiance: Vectors::splat(s, [0.0; 3]),
             throughput: Vectors::splat(s, [1.0; 3]),
             survival_scale: one,
             scattered_pdf: Floats::splat(s, f32::INFINITY),
             scattered_cos: one,
             scattered_from: ViewpointLanes::none(s),
+            absorption: Vectors::splat(s, [0.0; 3]),
             bounces: Integers::splat(s, 0),
             light,
             points,
@@ -200,17 +212,40 @@ impl<S: Simd> Paths<S> {
         &mut self,
         s: S,
         view: &View<'_>,
-        mut alive: u32,
+        alive: u32,
         known: Option<Nearest<S>>,
         mut counted: Option<&mut Counted<'_>>,
+    ) -> u32 {
+        let mut lookups = Lookups::NONE;
+        let alive = self.go_on::<C>(s, view, (alive, known), counted.as_deref_mut(), &mut lookups);
+        if C::TEXTURED
+            && let Some(counted) = counted
+        {
+            counted.textures(&self.number.store(), &lookups);
+        }
+        alive
+    }
+
+    /// The same, but that nobody is told what is looked up.
+    #[inline(always)]
+    fn go_on<C: Class>(
+        &mut self,
+        s: S,
+        view: &View<'_>,
+        (mut alive, known): (u32, Option<Nearest<S>>),
+        mut counted: Option<&mut Counted<'_>>,
+        lookups: &mut [Lookups; 8],
     ) -> u32 {
         let View { scene, lanes, .. } = *view;
         let learned = if C::LEARNED { view.settings.learned } else { None };
         let zero = Floats::splat(s, 0.0);
-        let hits = self.hits::<C>(s, view, alive, known, counted.as_deref_mut());
+        let (hits, instance) = self.hits::<C>(s, view, alive, known, counted.as_deref_mut());
         let escaped = alive & !hits.found;
         if escaped != 0
-            && let Some((sky, mut pdf)) = lanes.lights.escaped(s, self.scattered_cos)
+            && let Some((sky, mut pdf)) = {
+                let by = (self.rays.direction, self.scattered_cos);
+                lanes.lights.escaped::<S, C, _>(s, &scene.lights, by, escaped, lookups)
+            }
         {
             if let Some(learned) = learned {
                 let (from, d) = (&self.scattered_from, self.rays.direction);
@@ -235,7 +270,8 @@ impl<S: Simd> Paths<S> {
             None => ViewpointLanes::none(s).outlook,
         };
         let primitive = hits.primitive;
-        let part = Integers::gather(&scene.geometry.part_of, primitive);
+        let part = scene.geometry.part_numbers(primitive, instance);
+        let placed = if has::<C>(Feature::Instances) { !instance.is(NO_INSTANCE).bits() & alive } else { 0 };
         if let Some(counted) = &mut counted {
             let first = self.bounces.is(0).bits() & alive;
             if first != 0 {
@@ -245,6 +281,13 @@ impl<S: Simd> Paths<S> {
         let surface = lanes.parts(part);
         let geometric = hits.normal;
         let wo = -self.rays.direction;
+        let at = At { primitive, instance, u: hits.u, v: hits.v };
+        if C::TEXTURED {
+            let inside = self.absorption.any().bits() & alive;
+            if inside != 0 {
+                self.throughput = absorbed(s, self.throughput, self.absorption, hits.t, inside);
+            }
+        }
 
         // Light of the surface itself.
         let emissive = zero.less(surface.light_pdf_area);
@@ -259,10 +302,30 @@ impl<S: Simd> Paths<S> {
             let shines = emissive & shows & Mask::of_bits(s, alive);
             let light_pdf = pdf_area * (hits.t * hits.t) / cos.abs();
             let weight = power_heuristic(s, self.scattered_pdf, light_pdf);
-            let found = (self.throughput * surface.emission).scaled(weight);
+            let mut emission = surface.emission;
+            if C::TEXTURED {
+                let glowing = (surface.kind & GLOWS).is(GLOWS).bits() & shines.bits();
+                if glowing != 0 {
+                    emission = emissions::<S, C>(s, scene, &at, emission, glowing, lookups);
+                }
+            }
+            let found = (self.throughput * emission).scaled(weight);
             self.radiance = (self.radiance + found).or_where_not(shines, self.radiance);
             if let Some(counted) = &mut counted {
                 counted.light(s, self.number, found, self.scatterings_left(s, view), shines.bits());
+            }
+        }
+        if C::TEXTURED {
+            let unlit = Kind::Unlit.among(surface.kind).bits() & alive;
+            if unlit != 0 {
+                let [color, tint] = unlit_colors::<S, C>(s, scene, &at, unlit, lookups);
+                let found = self.throughput * color * tint;
+                self.radiance = (self.radiance + found).or_where_not(Mask::of_bits(s, unlit), self.radiance);
+                if let Some(counted) = &mut counted {
+                    counted.light(s, self.number, found, self.scatterings_left(s, view), unlit);
+                    counted.end(Cause::Absorbed, self.number, max_element(self.throughput), unlit);
+                }
+                alive &= !unlit;
             }
         }
         let deepest = self.bounces.is(view.settings.max_depth).bits() & alive;
@@ -277,36 +340,42 @@ impl<S: Simd> Paths<S> {
         // Early: these wait for nothing, and what follows waits for memory.
         let following = self.bounces + 1;
         let [u, v, light @ ..] = self.points.segment(s, following);
-        let smooth = shading_normals(s, view, &surface, &hits);
+        let mut smooth = shading_normals(s, view, &surface, &hits);
+        if placed != 0 {
+            smooth = placed_normals(s, scene, (&hits, instance), smooth, placed);
+        }
         let front = zero.less_equal(wo.dot(smooth));
-        let at = At { primitive, u: hits.u, v: hits.v };
         let mut normal = smooth.or_where_not(front, -smooth);
-        let mut lookups = Lookups::NONE;
         if C::TEXTURED {
             let bumpy = (surface.kind & BUMPY).is(BUMPY).bits() & alive;
             if bumpy != 0 {
-                normal = bumped_normals::<S, C>(s, scene, &at, [smooth, wo, normal], bumpy, &mut lookups);
+                normal = bumped_normals::<S, C>(s, scene, &at, [smooth, wo, normal], bumpy, lookups);
             }
         }
         let frame = FrameLanes::new(s, normal);
         let local_wo = frame.to_local(wo);
-        let point = points(s, view, &hits, alive);
-        let bsdf =
-            BsdfLanes::new::<C>(s, (lanes, scene), (part, surface.kind), at, (front, alive), &mut lookups);
+        let point = points(s, view, (&hits, instance), alive, placed);
+        let mut choice = zero;
+        if C::TEXTURED && Kind::Mixed.among(surface.kind).bits() & alive != 0 {
+            choice = self.points.part(s, self.bounces);
+        }
+        let of = (part, surface.kind);
+        let bsdf = BsdfLanes::new::<C>(s, (lanes, scene), of, (at, choice), (front, alive), lookups);
         let viewpoint = ViewpointLanes { p: point.p, n: frame.n, outlook };
-        let vertex = Vertex { primitive, geometric, frame, local_wo, point, viewpoint, bsdf };
+        let mut leaves = primitive;
+        if placed != 0 {
+            leaves = Integers::splat(s, NONE).or_where_not(Mask::of_bits(s, placed), leaves);
+        }
+        let vertex = Vertex { primitive: leaves, part, geometric, frame, local_wo, point, viewpoint, bsdf };
         let lit = alive & !bsdf.speculars;
         if lit != 0 {
-            self.add_direct_light::<C>(s, view, &vertex, lit, counted.as_deref_mut());
+            self.add_direct_light::<C>(s, view, &vertex, lit, counted.as_deref_mut(), lookups);
         }
 
         // The BSDF's direction.
-        let sample = bsdf.sample::<C>(s, scene, local_wo, [u, v], alive, &mut lookups);
+        let sample = bsdf.sample::<C>(s, local_wo, [u, v], alive);
         if let Some(counted) = &mut counted {
             counted.bsdfs(alive);
-            if C::TEXTURED {
-                counted.textures(&self.number.store(), &lookups);
-            }
             counted.end(Cause::Absorbed, self.number, max_element(self.throughput), alive & !sample.there);
         }
         alive &= sample.there;
@@ -332,9 +401,20 @@ impl<S: Simd> Paths<S> {
         alive = survivors;
 
         let wi = frame.to_world(sample.wi);
+        if C::TEXTURED {
+            let (absorption, solid) = bsdf.absorbing();
+            if solid.bits() & alive != 0 {
+                // Which side the path is on goes by the surface as it is, not as it is shaded.
+                let [from_front, to_front] = [wo, wi].map(|w| zero.less_equal(w.dot(geometric)));
+                let enters = solid & from_front.without(to_front);
+                let leaves = solid & to_front.without(from_front);
+                let inside = absorption.or_where_not(enters, self.absorption);
+                self.absorption = inside.or_zero(Mask::splat(s, true).without(leaves));
+            }
+        }
         let origin = point.leave(facing(s, geometric, wi));
         self.rays = Rays { origin, direction: wi };
-        self.from = primitive;
+        (self.from, self.part) = (leaves, part);
         self.scattered_pdf = sample.pdf;
         self.scattered_cos = sample.wi.z;
         if C::LEARNED {
@@ -355,11 +435,11 @@ impl<S: Simd> Paths<S> {
         }
     }
 
-    /// What sends rays from and to these triangles.
+    /// What sends rays from these parts to these triangles.
     #[inline(always)]
-    fn senders<'a>(&self, scene: &'a RenderScene, kind: RayKind, [from, to]: [U8; 2]) -> Senders<'a> {
+    fn senders<'a>(&self, scene: &'a RenderScene, kind: RayKind, [part, to]: [U8; 2]) -> Senders<'a> {
         let (number, bounces) = (self.number.store(), self.bounces.store());
-        Senders { scene, kind, number, from, to, bounces }
+        Senders { scene, kind, number, part, to, bounces }
     }
 
     /// How many scattering events more the depth limit would allow.
@@ -377,8 +457,9 @@ impl<S: Simd> Paths<S> {
         active: u32,
         known: Option<Nearest<S>>,
         counted: Option<&mut Counted<'_>>,
-    ) -> Hits<S> {
+    ) -> (Hits<S>, Integers<S>) {
         let View { scene, few, .. } = *view;
+        let in_world = Integers::splat(s, NO_INSTANCE);
         let Some(few) = few else {
             let keys = self.ray_keys::<C>(s, 0);
             let query = Query { scene, rays: &self.rays, from: self.from, keys, active };
@@ -386,15 +467,29 @@ impl<S: Simd> Paths<S> {
                 (Some(nearest), _) => nearest,
                 (None, None) => query.nearest::<C>(s),
                 (None, Some(counted)) => {
-                    let from = self.from.store();
-                    let senders = self.senders(scene, RayKind::Bounce, [from, from]);
+                    // Camera rays leave none.
+                    let part = if C::TEXTURED {
+                        self.part
+                    } else {
+                        scene.geometry.part_numbers(self.from, in_world)
+                    };
+                    let part = part.store();
+                    let senders = self.senders(scene, RayKind::Bounce, [part, part]);
                     query.nearest_counted::<C>(s, &mut counted.listener, &senders)
                 }
             };
-            return tree::hits(s, scene, &self.rays, nearest);
+            if has::<C>(Feature::Instances) {
+                let placed = nearest.found & !nearest.instance.is(NO_INSTANCE).bits();
+                if placed != 0 {
+                    let hits = tree::placed_hits(s, scene, &self.rays, nearest, placed);
+                    return (hits, nearest.instance);
+                }
+            }
+            return (tree::hits(s, scene, &self.rays, nearest), in_world);
         };
         let Tried { hits, doubtful } = few.closest_hits(s, &self.rays, self.from, active);
-        if doubtful == 0 { hits } else { hits_of_doubtful(s, view, self, (hits, doubtful)) }
+        let hits = if doubtful == 0 { hits } else { hits_of_doubtful(s, view, self, (hits, doubtful)) };
+        (hits, in_world)
     }
 
     /// Roulette: the lanes that survive, with what makes up for the others.
@@ -424,19 +519,26 @@ impl<S: Simd> Paths<S> {
         view: &View<'_>,
         vertex: &Vertex<S>,
         active: u32,
+        lookups: &mut [Lookups; 8],
     ) -> LightSamples<S> {
         let View { scene, lanes, .. } = *view;
         let at = (&scene.lights, &scene.geometry);
-        let Vertex { frame, point, viewpoint, .. } = vertex;
-        let Some(learned) = view.settings.learned.filter(|_| C::LEARNED) else {
-            return lanes.lights.sample(s, at, point.p, frame, self.light, active);
+        let Vertex { frame, viewpoint, .. } = vertex;
+        let p = vertex.point.p;
+        let learned = view.settings.learned.filter(|_| C::LEARNED);
+        if has::<C>(Feature::PunctualLights) && lanes.lights.have_points() {
+            return sample_each(s, scene, learned, viewpoint, frame, self.light, active, lookups);
+        }
+        let Some(learned) = learned else {
+            return lanes.lights.sample::<S, C, _>(s, at, p, frame, self.light, active, lookups);
         };
         let tables = (&lanes.lights, &scene.lights, &scene.geometry);
         let (light, unknown) = learned.samples(s, tables, viewpoint, frame, self.light, active);
         if unknown == 0 {
             return light;
         }
-        light.with(s, unknown, lanes.lights.sample(s, at, point.p, frame, self.light, unknown))
+        let others = lanes.lights.sample::<S, C, _>(s, at, p, frame, self.light, unknown, lookups);
+        light.with(s, unknown, others)
     }
 
     /// The light-sampled half of direct light.
@@ -448,10 +550,11 @@ impl<S: Simd> Paths<S> {
         vertex: &Vertex<S>,
         active: u32,
         mut counted: Option<&mut Counted<'_>>,
+        lookups: &mut [Lookups; 8],
     ) {
-        let View { scene, few, .. } = *view;
+        let View { scene, lanes, few, .. } = *view;
         let zero = Floats::splat(s, 0.0);
-        let light = self.light_samples::<C>(s, view, vertex, active);
+        let light = self.light_samples::<C>(s, view, vertex, active, lookups);
         if light.there == 0 {
             return;
         }
@@ -459,10 +562,20 @@ impl<S: Simd> Paths<S> {
             counted.bsdfs(light.there);
         }
         let wi = vertex.frame.to_local(light.wi);
-        let (f_cos, pdf) = vertex.bsdf.eval::<C>(s, scene, vertex.local_wo, wi, light.there);
+        let (f_cos, mut pdf) = vertex.bsdf.eval::<C>(s, vertex.local_wo, wi, light.there);
         let emits = zero.less(light.cos) | (light.two_sided & light.cos.less(zero));
-        let emits = light.sky | emits.bits();
-        let lit = light.there & (f_cos.any() & light.emission.any()).bits() & emits;
+        let emits = light.sky | light.positions | emits.bits();
+        let mut lit = light.there & f_cos.any().bits() & emits;
+        let mut emission = light.emission;
+        if C::TEXTURED && lanes.glows && lit & !light.sky & !light.positions != 0 {
+            let surfaces = lit & !light.sky & !light.positions;
+            let (primitive, instance) = (light.primitive, Integers::splat(s, NO_INSTANCE));
+            let kind = lanes.parts(scene.geometry.part_numbers(primitive, instance)).kind;
+            let glowing = (kind & GLOWS).is(GLOWS).bits() & surfaces;
+            let at = At { primitive, instance, u: light.uv[0], v: light.uv[1] };
+            emission = emissions_of_samples::<S, C>(s, scene, &at, emission, glowing, lookups);
+        }
+        lit &= emission.any().bits();
         if lit == 0 {
             return;
         }
@@ -471,39 +584,59 @@ impl<S: Simd> Paths<S> {
         let target = light.point.meet(s, towards, origin);
         let mut rays = Rays { origin, direction: target - origin };
         let mut ends = [vertex.primitive, light.primitive];
+        let (infinite, nothing) = (Floats::splat(s, f32::INFINITY), Integers::splat(s, NONE));
+        let mut t_max = Floats::splat(s, 1.0);
         let mut dark;
         if let Some(few) = few {
             let blocked = few.blocked(s, &rays, ends, lit);
             dark = blocked.surely;
             if blocked.doubtful != 0 {
-                let t_max = Floats::splat(s, 1.0);
                 let keys = Integers::splat(s, 0);
                 let query = Query { scene, rays: &rays, from: ends[0], keys, active: blocked.doubtful };
                 dark |= query.blocked::<MatteClass>(s, ends[1], t_max);
             }
         } else {
-            let mut t_max = Floats::splat(s, 1.0);
             if light.sky != 0 {
                 let sky = Mask::of_bits(s, light.sky);
                 rays.direction = light.wi.or_where_not(sky, rays.direction);
-                t_max = sky.select(Floats::splat(s, f32::INFINITY), t_max);
-                ends[1] = Integers::splat(s, NONE).or_where_not(sky, ends[1]);
+                t_max = sky.select(infinite, t_max);
+                ends[1] = nothing.or_where_not(sky, ends[1]);
+            }
+            if has::<C>(Feature::PunctualLights) && light.positions != 0 {
+                let positions = Mask::of_bits(s, light.positions);
+                let (way, end) = way_to_positions(s, origin, light.point.p);
+                // None leads to the light itself.
+                lit &= !(positions.without(way.any()).bits());
+                rays.direction = way.or_where_not(positions, rays.direction);
+                t_max = positions.select(end, t_max);
+                ends[1] = nothing.or_where_not(positions, ends[1]);
+            }
+            if has::<C>(Feature::PunctualLights) {
+                pdf = Mask::of_bits(s, !light.delta).or_zero(pdf);
             }
             let keys = self.ray_keys::<C>(s, 1);
             let query = Query { scene, rays: &rays, from: ends[0], keys, active: lit };
             dark = match &mut counted {
                 None => query.blocked::<C>(s, ends[1], t_max),
                 Some(counted) => {
-                    let places = [ends[0].store(), ends[1].store()];
+                    let places = [vertex.part.store(), ends[1].store()];
                     let senders = self.senders(scene, RayKind::Shadow, places);
                     query.blocked_counted::<C>(s, (ends[1], t_max), &mut counted.listener, &senders)
                 }
             };
         }
-        let weight = power_heuristic(s, light.pdf, pdf) / light.pdf;
-        let direct = (f_cos * light.emission).scaled(weight);
-        let found = self.throughput * direct;
         let shown = lit & !dark;
+        if C::TEXTURED {
+            // Of lights in the same glass; what is infinitely far away is not.
+            let inside = shown & (self.absorption.any() & t_max.less(infinite)).bits();
+            if inside != 0 {
+                let length = rays.direction.dot(rays.direction).sqrt() * t_max;
+                emission = absorbed(s, emission, self.absorption, length, inside);
+            }
+        }
+        let weight = power_heuristic(s, light.pdf, pdf) / light.pdf;
+        let direct = (f_cos * emission).scaled(weight);
+        let found = self.throughput * direct;
         self.radiance = (self.radiance + found).or_where_not(Mask::of_bits(s, shown), self.radiance);
         if let Some(counted) = counted {
             let left = self.scatterings_left(s, view) - 1;

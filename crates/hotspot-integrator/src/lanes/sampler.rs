@@ -37,10 +37,22 @@ impl<S: Simd> Points<S> {
     /// The number for roulette at a vertex.
     #[inline(always)]
     pub(super) fn roulette(self, s: S, vertex: Integers<S>) -> Floats<S> {
+        self.choice::<1>(s, vertex)
+    }
+
+    /// The number that chooses a mixed material's part there.
+    #[inline(always)]
+    pub(super) fn part(self, s: S, vertex: Integers<S>) -> Floats<S> {
+        self.choice::<2>(s, vertex)
+    }
+
+    /// Dimension `D` of a vertex's choices.
+    #[inline(always)]
+    fn choice<const D: u32>(self, s: S, vertex: Integers<S>) -> Floats<S> {
         let set = vertex.shift_left::<1>() + 1;
         let [high, low] = self.rows(Integers::splat(s, 0), set);
-        let (high, low) = (Integers::gather(self.table, high + 1), Integers::gather(self.table, low + 1));
-        dimension(s, high, low, self.base(set), 1)
+        let (high, low) = (Integers::gather(self.table, high + D), Integers::gather(self.table, low + D));
+        dimension(s, high, low, self.base(set), D)
     }
 
     /// [`Sampler::ray_key`](crate::sampler::Sampler::ray_key).
@@ -130,14 +142,15 @@ mod tests {
     struct Numbers([u32; 8], [u32; 8], [u32; 8]);
 
     impl WithSimd for Numbers {
-        type Output = ([[f32; 8]; 9], [u32; 8]);
+        type Output = ([[f32; 8]; 10], [u32; 8]);
         #[inline(always)]
         fn run<S: Simd>(self, s: S) -> Self::Output {
             let [key, index, vertex] = [self.0, self.1, self.2].map(|n| Integers::load(s, &U8(n)));
             let points = Points { key, index, table: points_table() };
             let [a, b, c, d] = points.segment(s, vertex);
             let [e, f, g, h] = points.camera(s);
-            let numbers = [a, b, c, d, e, f, g, h, points.roulette(s, vertex)].map(|n| n.store().0);
+            let choices = [points.roulette(s, vertex), points.part(s, vertex)];
+            let numbers = [a, b, c, d, e, f, g, h, choices[0], choices[1]].map(|n| n.store().0);
             (numbers, points.ray_key(vertex).store().0)
         }
     }
@@ -158,11 +171,11 @@ mod tests {
                     let sampler = pixels[lane].sample(index[lane].into());
                     let segment = sampler.get(Dimensions::segment(vertex[lane]));
                     let camera = sampler.get(Dimensions::segment(0));
-                    let roulette = sampler.get(Dimensions::choices(vertex[lane]))[1];
+                    let [_, choices @ .., _] = sampler.get(Dimensions::choices(vertex[lane]));
                     assert_eq!(keys[lane], sampler.ray_key(vertex[lane]), "round {round}, lane {lane}");
-                    let expected = [segment, camera].concat();
-                    let found: Vec<f32> = numbers[..8].iter().map(|n| n[lane]).collect();
-                    assert_eq!((found, numbers[8][lane]), (expected, roulette), "round {round}, lane {lane}");
+                    let expected = [&segment[..], &camera, &choices].concat();
+                    let found: Vec<f32> = numbers.iter().map(|n| n[lane]).collect();
+                    assert_eq!(found, expected, "round {round}, lane {lane}");
                 }
             }
         }

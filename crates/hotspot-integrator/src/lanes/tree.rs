@@ -6,10 +6,10 @@ use super::counts::{BookedRays, Listener, Senders, TalliedRays};
 use crate::class::{Class, Feature, has};
 use crate::cutout::Cutouts;
 use crate::scene::RenderScene;
-use hotspot_bvh::NoFilter;
 use hotspot_bvh::lanes::LaneProbes;
 use hotspot_bvh::rays::{Hits, Nearest, Rays};
-use hotspot_bvh::simd::{Floats, Integers, Simd, U8};
+use hotspot_bvh::simd::{Floats, Integers, Lanes, Simd, U8, Vectors, set_vector, vector};
+use hotspot_bvh::{NoFilter, Ray};
 use hotspot_probe::NoProbe;
 
 /// Rays in lanes, and who listens to them.
@@ -28,11 +28,7 @@ impl<S: Simd> Query<'_, S> {
     /// What the rays hit first.
     #[inline(always)]
     pub(super) fn nearest<C: Class>(&self, s: S) -> Nearest<S> {
-        if has::<C>(Feature::Cutouts) {
-            self.search::<_, true>(s, &mut NoProbe)
-        } else {
-            self.search::<_, false>(s, &mut NoProbe)
-        }
+        self.nearest_of::<C, _>(s, &mut NoProbe)
     }
 
     /// The same, counted.
@@ -43,26 +39,16 @@ impl<S: Simd> Query<'_, S> {
         listener: &mut Listener<'_>,
         senders: &Senders<'_>,
     ) -> Nearest<S> {
-        match (listener, has::<C>(Feature::Cutouts)) {
-            (Listener::Tallies(tallies), false) => {
-                self.search::<_, false>(s, &mut TalliedRays { tallies, senders })
-            }
-            (Listener::Tallies(tallies), true) => {
-                self.search::<_, true>(s, &mut TalliedRays { tallies, senders })
-            }
-            (Listener::Books(books), false) => self.search::<_, false>(s, &mut BookedRays { books, senders }),
-            (Listener::Books(books), true) => self.search::<_, true>(s, &mut BookedRays { books, senders }),
+        match listener {
+            Listener::Tallies(tallies) => self.nearest_of::<C, _>(s, &mut TalliedRays { tallies, senders }),
+            Listener::Books(books) => self.nearest_of::<C, _>(s, &mut BookedRays { books, senders }),
         }
     }
 
     /// Which rays are blocked before `t_max`, `to` being the triangles that they are aimed at.
     #[inline(always)]
     pub(super) fn blocked<C: Class>(&self, s: S, to: Integers<S>, t_max: Floats<S>) -> u32 {
-        if has::<C>(Feature::Cutouts) {
-            self.any::<_, true>(s, to, t_max, &mut NoProbe)
-        } else {
-            self.any::<_, false>(s, to, t_max, &mut NoProbe)
-        }
+        self.blocked_of::<C, _>(s, (to, t_max), &mut NoProbe)
     }
 
     /// The same, counted.
@@ -70,59 +56,90 @@ impl<S: Simd> Query<'_, S> {
     pub(super) fn blocked_counted<C: Class>(
         &self,
         s: S,
-        (to, t_max): (Integers<S>, Floats<S>),
+        ends: (Integers<S>, Floats<S>),
         listener: &mut Listener<'_>,
         senders: &Senders<'_>,
     ) -> u32 {
-        match (listener, has::<C>(Feature::Cutouts)) {
-            (Listener::Tallies(tallies), false) => {
-                self.any::<_, false>(s, to, t_max, &mut TalliedRays { tallies, senders })
+        match listener {
+            Listener::Tallies(tallies) => {
+                self.blocked_of::<C, _>(s, ends, &mut TalliedRays { tallies, senders })
             }
-            (Listener::Tallies(tallies), true) => {
-                self.any::<_, true>(s, to, t_max, &mut TalliedRays { tallies, senders })
-            }
-            (Listener::Books(books), false) => {
-                self.any::<_, false>(s, to, t_max, &mut BookedRays { books, senders })
-            }
-            (Listener::Books(books), true) => {
-                self.any::<_, true>(s, to, t_max, &mut BookedRays { books, senders })
-            }
+            Listener::Books(books) => self.blocked_of::<C, _>(s, ends, &mut BookedRays { books, senders }),
+        }
+    }
+
+    /// Whether instances are to be searched.
+    #[inline(always)]
+    fn instanced(&self) -> bool {
+        self.scene.bvh.instance_count() > 0
+    }
+
+    #[inline(always)]
+    fn nearest_of<C: Class, P: LaneProbes>(&self, s: S, probes: &mut P) -> Nearest<S> {
+        if !has::<C>(Feature::Cutouts) {
+            self.search::<P, false, false>(s, probes)
+        } else if self.instanced() {
+            self.search::<P, true, true>(s, probes)
+        } else {
+            self.search::<P, true, false>(s, probes)
+        }
+    }
+
+    #[inline(always)]
+    fn blocked_of<C: Class, P: LaneProbes>(
+        &self,
+        s: S,
+        ends: (Integers<S>, Floats<S>),
+        probes: &mut P,
+    ) -> u32 {
+        if !has::<C>(Feature::Cutouts) {
+            self.any::<P, false, false>(s, ends, probes)
+        } else if self.instanced() {
+            self.any::<P, true, true>(s, ends, probes)
+        } else {
+            self.any::<P, true, false>(s, ends, probes)
         }
     }
 
     #[inline(never)]
-    fn search<P: LaneProbes, const CUTOUTS: bool>(&self, s: S, probes: &mut P) -> Nearest<S> {
+    fn search<P: LaneProbes, const CUTOUTS: bool, const INSTANCED: bool>(
+        &self,
+        s: S,
+        probes: &mut P,
+    ) -> Nearest<S> {
         s.vectorize(
             #[inline(always)]
             || {
-                let Self { scene, rays, from, keys, active } = *self;
+                let Self { scene: RenderScene { bvh, .. }, rays, from, active, .. } = *self;
                 if CUTOUTS {
-                    let cutouts = cutouts(s, scene, &keys.store());
-                    scene.bvh.closest_of_lanes(s, rays, from, active, (&cutouts, probes))
+                    let filters = &cutouts(s, self.scene, &self.keys.store());
+                    bvh.closest_of_lanes::<S, _, P, INSTANCED>(s, rays, from, active, (filters, probes))
                 } else {
-                    scene.bvh.closest_of_lanes(s, rays, from, active, (&[NoFilter; 8], probes))
+                    let filters = &[NoFilter; 8];
+                    bvh.closest_of_lanes::<S, _, P, INSTANCED>(s, rays, from, active, (filters, probes))
                 }
             },
         )
     }
 
     #[inline(never)]
-    fn any<P: LaneProbes, const CUTOUTS: bool>(
+    fn any<P: LaneProbes, const CUTOUTS: bool, const INSTANCED: bool>(
         &self,
         s: S,
-        to: Integers<S>,
-        t_max: Floats<S>,
+        (to, t_max): (Integers<S>, Floats<S>),
         probes: &mut P,
     ) -> u32 {
         s.vectorize(
             #[inline(always)]
             || {
-                let Self { scene, rays, from, keys, active } = *self;
+                let Self { scene: RenderScene { bvh, .. }, rays, from, active, .. } = *self;
+                let ends = [from, to];
                 if CUTOUTS {
-                    let cutouts = cutouts(s, scene, &keys.store());
-                    scene.bvh.occluded_lanes(s, rays, t_max, [from, to], active, (&cutouts, probes))
+                    let filters = &cutouts(s, self.scene, &self.keys.store());
+                    bvh.occluded_lanes::<S, _, P, INSTANCED>(s, rays, t_max, ends, active, (filters, probes))
                 } else {
-                    scene.bvh.occluded_lanes(s, rays, t_max, [from, to], active, (&[NoFilter; 8], probes))
+                    let filters = &[NoFilter; 8];
+                    bvh.occluded_lanes::<S, _, P, INSTANCED>(s, rays, t_max, ends, active, (filters, probes))
                 }
             },
         )
@@ -147,6 +164,36 @@ pub(super) fn nearest_of_camera<S: Simd>(
 #[inline(always)]
 pub(super) fn hits<S: Simd>(s: S, scene: &RenderScene, rays: &Rays<S>, nearest: Nearest<S>) -> Hits<S> {
     nearest.hits(s, rays, scene.geometry.corners_in_lanes(nearest.primitive))
+}
+
+/// The same where lanes `placed` hit instances.
+#[inline(never)]
+pub(super) fn placed_hits<S: Simd>(
+    s: S,
+    scene: &RenderScene,
+    rays: &Rays<S>,
+    nearest: Nearest<S>,
+    placed: u32,
+) -> Hits<S> {
+    s.vectorize(
+        #[inline(always)]
+        || {
+            let hits = hits(s, scene, rays, nearest);
+            let (primitive, instance) = (nearest.primitive.store(), nearest.instance.store());
+            let (origin, direction) = (rays.origin.store(), rays.direction.store());
+            let (mut u, mut v, mut normal) = (hits.u.store(), hits.v.store(), hits.normal.store());
+            for lane in Lanes(placed) {
+                let ray = Ray::new(vector(&origin, lane), vector(&direction, lane));
+                let instance = instance.0[lane];
+                let triangle = scene.geometry.corners_of(scene.geometry.surface(instance, primitive.0[lane]));
+                let (weights, n) = scene.bvh.details_of_instance(&ray, instance, triangle);
+                [u.0[lane], v.0[lane]] = weights;
+                set_vector(&mut normal, lane, n);
+            }
+            let (u, v) = (Floats::load(s, &u), Floats::load(s, &v));
+            Hits { u, v, normal: Vectors::load(s, &normal), ..hits }
+        },
+    )
 }
 
 #[inline(always)]

@@ -1,22 +1,36 @@
-//! Light samples for eight paths at once: those of [`Lights::sample`] where surfaces and a constant environment are all the light there
-//! is, bit for bit.
+//! Light samples for eight paths at once: those of [`Lights::sample`], bit for bit. Where there are lights without area each lane asks by itself, and
+//! so does each that chooses an environment map.
 
+use super::learned_lanes::ViewpointLanes;
 use super::patches::Row;
 use super::triangles::LightTriangle;
-use super::{Lights, Surroundings};
+use super::{Learned, LightSample, LightTarget, Lights, Surroundings};
+use crate::class::{Class, Feature, FullClass, has};
 use crate::geometry::{Geometry, SurfaceTriangle};
 use crate::lanes::PointLanes;
-use crate::lanes::math::{FrameLanes, square_to_cosine_hemisphere, square_to_triangle};
-use crate::math::FRAC_1_PI;
-use hotspot_bvh::simd::{F8, Floats, Integers, Mask, Simd, Vectors};
+use crate::lanes::math::{FrameLanes, max_element, square_to_cosine_hemisphere, square_to_triangle, vec3};
+use crate::math::{FRAC_1_PI, Frame};
+use crate::scene::RenderScene;
+use glam::Vec2;
+use hotspot_bvh::simd::{F8, Floats, Integers, Lanes, Mask, Simd, U8, Vectors, set_vector};
+use hotspot_probe::Probe;
 use hotspot_scene::Material;
 
 /// What light samples read, row by row.
 #[derive(Clone, Debug)]
 pub(crate) struct LightLanes {
     tables: Tables,
-    /// What the constant environment shines, and with which probability it is chosen.
-    sky: Option<([f32; 3], f32)>,
+    sky: Sky,
+    /// Whether there are lights without area.
+    points: bool,
+}
+
+/// What lies around the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Sky {
+    Nothing,
+    Constant([f32; 3]),
+    Map,
 }
 
 #[derive(Clone, Debug)]
@@ -41,11 +55,17 @@ const TRIANGLE: usize = 16;
 pub(crate) struct LightSamples<S: Simd> {
     /// Lanes that have one; of others the fields hold anything.
     pub(crate) there: u32,
-    /// Those of them that aim at the environment: only `wi`, `pdf` and `emission` are theirs.
+    /// Those of them that aim infinitely far away: only `wi`, `pdf` and `emission` are theirs.
     pub(crate) sky: u32,
+    /// Those that aim at a place, `point.p`, which has no normal.
+    pub(crate) positions: u32,
+    /// Those that BSDF sampling never finds: `pdf` is a probability, `emission` an irradiance.
+    pub(crate) delta: u32,
     pub(crate) wi: Vectors<S>,
     pub(crate) pdf: Floats<S>,
     pub(crate) point: PointLanes<S>,
+    /// Barycentric weights of the second and third corner.
+    pub(crate) uv: [Floats<S>; 2],
     /// Of the light's normal with the direction to the shading point.
     pub(crate) cos: Floats<S>,
     pub(crate) normal: Vectors<S>,
@@ -62,9 +82,12 @@ impl<S: Simd> LightSamples<S> {
         Self {
             there: 0,
             sky: 0,
+            positions: 0,
+            delta: 0,
             wi: nowhere,
             pdf: zero,
             point: PointLanes { p: nowhere, error: nowhere },
+            uv: [zero; 2],
             cos: zero,
             normal: nowhere,
             two_sided: Mask::splat(s, false),
@@ -80,12 +103,15 @@ impl<S: Simd> LightSamples<S> {
         Self {
             there: self.there & !bits | other.there & bits,
             sky: self.sky & !bits | other.sky & bits,
+            positions: self.positions & !bits | other.positions & bits,
+            delta: self.delta & !bits | other.delta & bits,
             wi: other.wi.or_where_not(these, self.wi),
             pdf: these.select(other.pdf, self.pdf),
             point: PointLanes {
                 p: other.point.p.or_where_not(these, self.point.p),
                 error: other.point.error.or_where_not(these, self.point.error),
             },
+            uv: [these.select(other.uv[0], self.uv[0]), these.select(other.uv[1], self.uv[1])],
             cos: these.select(other.cos, self.cos),
             normal: other.normal.or_where_not(these, self.normal),
             two_sided: these & other.two_sided | self.two_sided.without(these),
@@ -176,16 +202,12 @@ struct ManyRows {
 }
 
 impl LightLanes {
-    /// `None` where there is an environment map or a light without area.
-    pub(crate) fn new(lights: &Lights, geometry: &Geometry, materials: &[Material]) -> Option<Self> {
+    pub(crate) fn new(lights: &Lights, geometry: &Geometry, materials: &[Material]) -> Self {
         let sky = match &lights.environment {
-            Surroundings::Nothing => None,
-            Surroundings::Constant(radiance) => Some((radiance.to_array(), lights.environment_probability)),
-            Surroundings::Map(_) => return None,
+            Surroundings::Nothing => Sky::Nothing,
+            Surroundings::Constant(radiance) => Sky::Constant(radiance.to_array()),
+            Surroundings::Map(_) => Sky::Map,
         };
-        if !lights.punctual.is_empty() {
-            return None;
-        }
         let row = |t: &LightTriangle| {
             let error = SurfaceTriangle::new(&geometry.triangles[t.primitive as usize]).error;
             let emission = materials[geometry.part(t.primitive).material as usize].emission.factor;
@@ -222,25 +244,49 @@ impl LightLanes {
                 triangles,
             })
         };
-        Some(Self { tables, sky })
+        Self { tables, sky, points: !lights.punctual.is_empty() }
     }
 
     /// Whether there is an environment.
     pub(crate) fn has_sky(&self) -> bool {
-        self.sky.is_some()
+        self.sky != Sky::Nothing
     }
 
-    /// What rays that leave the scene meet, and the density with which [`LightLanes::sample`] takes their direction at a surface whose
-    /// shading normal makes cosine `cos` with it.
+    /// Whether there are lights without area.
+    pub(crate) fn have_points(&self) -> bool {
+        self.points
+    }
+
+    /// Whether there is neither.
+    pub(crate) fn are_surfaces(&self) -> bool {
+        !self.has_sky() && !self.points
+    }
+
+    /// What rays of lanes `escaped` in these directions meet, and the density with which [`LightLanes::sample`] takes them at surfaces whose
+    /// shading normals make cosine `cos` with them.
     #[inline(always)]
-    pub(crate) fn escaped<S: Simd>(&self, s: S, cos: Floats<S>) -> Option<(Vectors<S>, Floats<S>)> {
-        let (radiance, share) = self.sky?;
-        Some((Vectors::splat(s, radiance), sky_pdf(s, share, cos)))
+    pub(crate) fn escaped<S: Simd, C: Class, P: Probe>(
+        &self,
+        s: S,
+        lights: &Lights,
+        (direction, cos): (Vectors<S>, Floats<S>),
+        escaped: u32,
+        probes: &mut [P; 8],
+    ) -> Option<(Vectors<S>, Floats<S>)> {
+        match self.sky {
+            Sky::Nothing => None,
+            Sky::Constant(radiance) => {
+                Some((Vectors::splat(s, radiance), sky_pdf(s, lights.environment_probability, cos)))
+            }
+            Sky::Map if !has::<C>(Feature::EnvironmentMaps) => None,
+            Sky::Map => Some(look_up_each(s, lights, direction, escaped, probes)),
+        }
     }
 
     /// As [`Lights::sample`], seen from `p` on a surface with this shading frame, for lanes `active`.
     #[inline(always)]
-    pub(crate) fn sample<S: Simd>(
+    #[expect(clippy::too_many_arguments, reason = "inlined, and none goes with another")]
+    pub(crate) fn sample<S: Simd, C: Class, P: Probe>(
         &self,
         s: S,
         (lights, geometry): (&Lights, &Geometry),
@@ -248,10 +294,12 @@ impl LightLanes {
         frame: &FrameLanes<S>,
         [select, v]: [Floats<S>; 2],
         active: u32,
+        probes: &mut [P; 8],
     ) -> LightSamples<S> {
-        let Some((radiance, share)) = self.sky else {
+        if self.sky == Sky::Nothing {
             return self.sample_surfaces(s, lights, geometry, p, [select, v], active);
-        };
+        }
+        let share = lights.environment_probability;
         let chosen = select.less(Floats::splat(s, share));
         let rest = (select - share) / Floats::splat(s, 1.0 - share);
         let sky = active & chosen.bits();
@@ -259,6 +307,12 @@ impl LightLanes {
         if sky == 0 {
             return surfaces;
         }
+        let Sky::Constant(radiance) = self.sky else {
+            if !has::<C>(Feature::EnvironmentMaps) {
+                return surfaces;
+            }
+            return surfaces.with(s, sky, sample_map_each(s, lights, frame, [select, v], sky, probes));
+        };
         let local = square_to_cosine_hemisphere(s, select / Floats::splat(s, share), v);
         let pdf = sky_pdf(s, share, local.z);
         let sky = sky & Floats::splat(s, 0.0).less(pdf).bits();
@@ -390,7 +444,272 @@ fn point_of<S: Simd, R: Rows>(
     let somewhere = Mask::splat(s, true).without(distance2.is(0.0));
     let valid = somewhere & zero.less(pdf) & pdf.less(Floats::splat(s, f32::INFINITY));
     there &= valid.bits();
-    LightSamples { there, sky: 0, wi, pdf, point, cos, normal, two_sided, primitive, emission }
+    let (sky, positions, delta, uv) = (0, 0, 0, [b, c]);
+    LightSamples {
+        there,
+        sky,
+        positions,
+        delta,
+        wi,
+        pdf,
+        point,
+        uv,
+        cos,
+        normal,
+        two_sided,
+        primitive,
+        emission,
+    }
+}
+
+/// Light samples in memory.
+pub(super) struct Samples {
+    there: u32,
+    sky: u32,
+    positions: u32,
+    delta: u32,
+    two_sided: u32,
+    wi: [F8; 3],
+    pdf: F8,
+    p: [F8; 3],
+    error: [F8; 3],
+    uv: [F8; 2],
+    cos: F8,
+    normal: [F8; 3],
+    primitive: U8,
+    emission: [F8; 3],
+}
+
+impl Samples {
+    pub(super) const NONE: Self = Self {
+        there: 0,
+        sky: 0,
+        positions: 0,
+        delta: 0,
+        two_sided: 0,
+        wi: [F8([0.0; 8]); 3],
+        pdf: F8([0.0; 8]),
+        p: [F8([0.0; 8]); 3],
+        error: [F8([0.0; 8]); 3],
+        uv: [F8([0.0; 8]); 2],
+        cos: F8([0.0; 8]),
+        normal: [F8([0.0; 8]); 3],
+        primitive: U8([0; 8]),
+        emission: [F8([0.0; 8]); 3],
+    };
+
+    /// Sets a lane.
+    #[inline(always)]
+    pub(super) fn set(&mut self, scene: &RenderScene, lane: usize, sample: &LightSample) {
+        let bit = 1 << lane;
+        self.there |= bit;
+        set_vector(&mut self.wi, lane, sample.wi.to_array());
+        self.pdf.0[lane] = sample.pdf;
+        let emission = match sample.target {
+            LightTarget::Environment(radiance) => {
+                self.sky |= bit;
+                radiance
+            }
+            LightTarget::Direction(irradiance) => {
+                self.sky |= bit;
+                self.delta |= bit;
+                irradiance
+            }
+            LightTarget::Position { irradiance, position } => {
+                self.positions |= bit;
+                self.delta |= bit;
+                set_vector(&mut self.p, lane, position.to_array());
+                irradiance
+            }
+            LightTarget::Surface { primitive, point, uv, cos, normal } => {
+                let material = &scene.materials[scene.geometry.part(primitive).material as usize];
+                self.two_sided |= if material.double_sided { bit } else { 0 };
+                set_vector(&mut self.p, lane, point.p.to_array());
+                set_vector(&mut self.error, lane, point.error.to_array());
+                (self.uv[0].0[lane], self.uv[1].0[lane]) = (uv.x, uv.y);
+                self.cos.0[lane] = cos;
+                set_vector(&mut self.normal, lane, normal.to_array());
+                self.primitive.0[lane] = primitive;
+                material.emission.factor.into()
+            }
+        };
+        set_vector(&mut self.emission, lane, emission.to_array());
+    }
+
+    #[inline(always)]
+    pub(super) fn load<S: Simd>(&self, s: S) -> LightSamples<S> {
+        LightSamples {
+            there: self.there,
+            sky: self.sky,
+            positions: self.positions,
+            delta: self.delta,
+            wi: Vectors::load(s, &self.wi),
+            pdf: Floats::load(s, &self.pdf),
+            point: PointLanes { p: Vectors::load(s, &self.p), error: Vectors::load(s, &self.error) },
+            uv: [Floats::load(s, &self.uv[0]), Floats::load(s, &self.uv[1])],
+            cos: Floats::load(s, &self.cos),
+            normal: Vectors::load(s, &self.normal),
+            two_sided: Mask::of_bits(s, self.two_sided),
+            primitive: Integers::load(s, &self.primitive),
+            emission: Vectors::load(s, &self.emission),
+        }
+    }
+}
+
+/// Samples of the environment in memory.
+pub(super) struct SkySamples {
+    there: u32,
+    wi: [F8; 3],
+    pdf: F8,
+    emission: [F8; 3],
+}
+
+impl SkySamples {
+    pub(super) const NONE: Self =
+        Self { there: 0, wi: [F8([0.0; 8]); 3], pdf: F8([0.0; 8]), emission: [F8([0.0; 8]); 3] };
+
+    #[inline(always)]
+    pub(super) fn add(&mut self, lane: usize, sample: &LightSample) {
+        let LightTarget::Environment(radiance) = sample.target else { return };
+        self.there |= 1 << lane;
+        set_vector(&mut self.wi, lane, sample.wi.to_array());
+        self.pdf.0[lane] = sample.pdf;
+        set_vector(&mut self.emission, lane, radiance.to_array());
+    }
+
+    #[inline(always)]
+    pub(super) fn load<S: Simd>(&self, s: S, others: LightSamples<S>) -> LightSamples<S> {
+        LightSamples {
+            there: self.there,
+            sky: self.there,
+            wi: Vectors::load(s, &self.wi),
+            pdf: Floats::load(s, &self.pdf),
+            emission: Vectors::load(s, &self.emission),
+            ..others
+        }
+    }
+}
+
+/// Frames in memory.
+pub(super) struct Frames([[F8; 3]; 3]);
+
+impl Frames {
+    #[inline(always)]
+    pub(super) fn of<S: Simd>(frames: &FrameLanes<S>) -> Self {
+        Self(frames.store())
+    }
+
+    #[inline(always)]
+    pub(super) fn frame(&self, lane: usize) -> Frame {
+        let [s, t, n] = &self.0;
+        Frame { s: vec3(s, lane), t: vec3(t, lane), n: vec3(n, lane) }
+    }
+}
+
+/// What lanes `asked` see of an environment map, and with which density it is sampled.
+#[inline(never)]
+fn look_up_each<S: Simd, P: Probe>(
+    s: S,
+    lights: &Lights,
+    direction: Vectors<S>,
+    asked: u32,
+    probes: &mut [P; 8],
+) -> (Vectors<S>, Floats<S>) {
+    s.vectorize(
+        #[inline(always)]
+        || {
+            let direction = direction.store();
+            let (mut radiance, mut pdf) = ([F8([0.0; 8]); 3], F8([0.0; 8]));
+            for lane in Lanes(asked) {
+                let direction = vec3(&direction, lane);
+                // Of a map the cosine is not asked.
+                if let Some((seen, density)) =
+                    lights.escaped::<_, FullClass>(direction, 0.0, &mut probes[lane])
+                {
+                    set_vector(&mut radiance, lane, seen.to_array());
+                    pdf.0[lane] = density;
+                }
+            }
+            (Vectors::load(s, &radiance), Floats::load(s, &pdf))
+        },
+    )
+}
+
+/// Samples of an environment map for lanes `asked`, which chose it.
+#[inline(never)]
+fn sample_map_each<S: Simd, P: Probe>(
+    s: S,
+    lights: &Lights,
+    frame: &FrameLanes<S>,
+    [select, v]: [Floats<S>; 2],
+    asked: u32,
+    probes: &mut [P; 8],
+) -> LightSamples<S> {
+    s.vectorize(
+        #[inline(always)]
+        || {
+            let (select, v, frames) = (select.store(), v.store(), Frames::of(frame));
+            let mut samples = SkySamples::NONE;
+            for lane in Lanes(asked) {
+                let u = Vec2::new(select.0[lane] / lights.environment_probability, v.0[lane]);
+                let frame = frames.frame(lane);
+                let found = lights.sample_environment::<_, FullClass, true>(&frame, u, &mut probes[lane]);
+                if let Some(sample) = found {
+                    samples.add(lane, &sample);
+                }
+            }
+            samples.load(s, LightSamples::none(s))
+        },
+    )
+}
+
+/// Light samples for lanes `active`, each by itself, by what was learned where anything was: for scenes with lights without area.
+#[expect(clippy::too_many_arguments, reason = "none goes with another")]
+#[inline(never)]
+pub(crate) fn sample_each<S: Simd, P: Probe>(
+    s: S,
+    scene: &RenderScene,
+    learned: Option<&Learned>,
+    from: &ViewpointLanes<S>,
+    frame: &FrameLanes<S>,
+    [select, v]: [Floats<S>; 2],
+    active: u32,
+    probes: &mut [P; 8],
+) -> LightSamples<S> {
+    s.vectorize(
+        #[inline(always)]
+        || {
+            let lights = &scene.lights;
+            let (from, frames) = (from.store(), Frames::of(frame));
+            let (select, v) = (select.store(), v.store());
+            let mut samples = Samples::NONE;
+            for lane in Lanes(active) {
+                let (from, frame, u) = (from.of(lane), frames.frame(lane), [select.0[lane], v.0[lane]]);
+                let sample = match learned.and_then(|learned| learned.sample(lights, &from, &frame, u)) {
+                    Some(sample) => sample,
+                    None => lights.sample::<_, FullClass, true>(from.p, &frame, u, &mut probes[lane]),
+                };
+                if let Some(sample) = sample {
+                    samples.set(scene, lane, &sample);
+                }
+            }
+            samples.load(s)
+        },
+    )
+}
+
+/// From origins to places, and where shadow rays along that way end: [`ray_to_position`](super::ray_to_position).
+#[inline(always)]
+pub(crate) fn way_to_positions<S: Simd>(
+    s: S,
+    origin: Vectors<S>,
+    position: Vectors<S>,
+) -> (Vectors<S>, Floats<S>) {
+    let way = position - origin;
+    let length = max_element(way.abs());
+    let size = max_element(position.abs()).max(max_element(origin.abs()));
+    let shorter = Floats::splat(s, f32::EPSILON) * (Floats::splat(s, 5.0) + size / length);
+    (way, (1.0 - shorter).max(Floats::splat(s, 0.0)))
 }
 
 impl Rows for FewRows {

@@ -69,7 +69,7 @@ impl Outlook {
 /// Where lights are seen from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Viewpoint {
-    p: Vec3,
+    pub(super) p: Vec3,
     n: Vec3,
     outlook: Outlook,
 }

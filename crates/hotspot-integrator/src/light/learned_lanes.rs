@@ -1,13 +1,12 @@
 //! Light sampling by what was learned, for eight paths: [`Learned`] asked lane by lane, since each asks other tables.
 
-use super::lanes::{LightLanes, LightSamples};
+use super::Lights;
+use super::lanes::{Frames, LightLanes, LightSamples, SkySamples};
 use super::learn::{Learned, Outlook, Viewpoint, met};
-use super::{LightSample, LightTarget, Lights};
 use crate::geometry::Geometry;
 use crate::lanes::math::{FrameLanes, vec3};
-use crate::math::Frame;
 use hotspot_bvh::rays::{Hits, Rays};
-use hotspot_bvh::simd::{F8, Floats, Integers, Lanes, Simd, U8, Vectors, set_vector, vector};
+use hotspot_bvh::simd::{F8, Floats, Integers, Lanes, Simd, U8, Vectors, vector};
 use hotspot_bvh::{Hit, NO_INSTANCE, Ray};
 
 /// [`Viewpoint`]s in lanes.
@@ -30,13 +29,13 @@ impl<S: Simd> ViewpointLanes<S> {
     }
 
     #[inline(always)]
-    fn store(&self) -> Viewpoints {
+    pub(super) fn store(&self) -> Viewpoints {
         Viewpoints { p: self.p.store(), n: self.n.store(), outlook: self.outlook.store() }
     }
 }
 
 /// The same in memory.
-struct Viewpoints {
+pub(super) struct Viewpoints {
     p: [F8; 3],
     n: [F8; 3],
     outlook: U8,
@@ -44,7 +43,7 @@ struct Viewpoints {
 
 impl Viewpoints {
     #[inline(always)]
-    fn of(&self, lane: usize) -> Viewpoint {
+    pub(super) fn of(&self, lane: usize) -> Viewpoint {
         let outlook = Outlook::of_number(self.outlook.0[lane]);
         Viewpoint::new(vec3(&self.p, lane), vec3(&self.n, lane), outlook)
     }
@@ -160,17 +159,12 @@ impl Learned {
                     None => unknown = surfaces,
                 }
                 if sky != 0 {
-                    let (from, frames) = (from.store(), frame.store());
+                    let (from, frames) = (from.store(), Frames::of(frame));
                     let [select, v] = [select.store(), v.store()];
-                    let mut found = Found::NOTHING;
+                    let mut found = SkySamples::NONE;
                     for lane in Lanes(sky) {
-                        let frame = Frame {
-                            s: vec3(&frames[0], lane),
-                            t: vec3(&frames[1], lane),
-                            n: vec3(&frames[2], lane),
-                        };
                         let numbers = [select.0[lane], v.0[lane]];
-                        match self.sample(lights, &from.of(lane), &frame, numbers) {
+                        match self.sample(lights, &from.of(lane), &frames.frame(lane), numbers) {
                             None => unknown |= 1 << lane,
                             Some(None) => {}
                             Some(Some(sample)) => found.add(lane, &sample),
@@ -181,39 +175,5 @@ impl Learned {
                 (samples, unknown)
             },
         )
-    }
-}
-
-/// Samples of the environment in memory.
-struct Found {
-    there: u32,
-    wi: [F8; 3],
-    pdf: F8,
-    emission: [F8; 3],
-}
-
-impl Found {
-    const NOTHING: Self =
-        Self { there: 0, wi: [F8([0.0; 8]); 3], pdf: F8([0.0; 8]), emission: [F8([0.0; 8]); 3] };
-
-    #[inline(always)]
-    fn add(&mut self, lane: usize, sample: &LightSample) {
-        let LightTarget::Environment(radiance) = sample.target else { return };
-        self.there |= 1 << lane;
-        set_vector(&mut self.wi, lane, sample.wi.to_array());
-        self.pdf.0[lane] = sample.pdf;
-        set_vector(&mut self.emission, lane, radiance.to_array());
-    }
-
-    #[inline(always)]
-    fn load<S: Simd>(&self, s: S, others: LightSamples<S>) -> LightSamples<S> {
-        LightSamples {
-            there: self.there,
-            sky: self.there,
-            wi: Vectors::load(s, &self.wi),
-            pdf: Floats::load(s, &self.pdf),
-            emission: Vectors::load(s, &self.emission),
-            ..others
-        }
     }
 }

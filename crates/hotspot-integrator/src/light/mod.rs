@@ -49,7 +49,7 @@ pub(crate) use environment::EnvironmentSampler;
 use glam::{Vec2, Vec3};
 use hotspot_probe::Probe;
 use hotspot_scene::{Environment, Light, Material};
-pub(crate) use lanes::{LightLanes, LightSamples};
+pub(crate) use lanes::{LightLanes, LightSamples, sample_each, way_to_positions};
 pub(crate) use learn::{Learned, Lessons, Outlook, Viewpoint, met};
 pub(crate) use learned_lanes::ViewpointLanes;
 use patches::Patches;
