@@ -84,14 +84,17 @@ impl DepthLoss {
         let mut sums = DepthCut::default();
         let (mut paths, mut shown, mut pixels) = (0.0, 0.0, 0u64);
         for (x, y) in frame.pixels() {
-            let (cost, film) = (frame.cost_total(x, y), frame.film_total(x, y));
-            if cost.samples == 0 || film.samples == 0 {
+            let film = frame.film_total(x, y);
+            let (samples, cuts, cut) = frame.with_cost_total(x, y, |cost| {
+                (cost.samples, cost.get(crate::Cause::DepthLimit.counter()), cost.cut)
+            });
+            if samples == 0 || film.samples == 0 {
                 continue;
             }
-            let per_path = 1.0 / cost.samples as f64;
-            paths += cost.get(crate::Cause::DepthLimit.counter()) as f64 * per_path;
-            sums.throughput += cost.cut.throughput * per_path;
-            for (sum, value) in sums.last.iter_mut().zip(cost.cut.last) {
+            let per_path = 1.0 / samples as f64;
+            paths += cuts as f64 * per_path;
+            sums.throughput += cut.throughput * per_path;
+            for (sum, value) in sums.last.iter_mut().zip(cut.last) {
                 *sum += value * per_path;
             }
             shown += luminance(film.sum) / film.samples as f64;

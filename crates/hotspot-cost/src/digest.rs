@@ -4,6 +4,7 @@
 //! each half: for radiance the bits of the three f64 sums and the sample count, for counters every
 //! [`crate::Counter`] in index order and the counted samples. Time, squares and throughput are left out.
 
+use crate::counter::Counter;
 use crate::frame::Frame;
 use serde::{Deserialize, Serialize};
 use twox_hash::xxhash3_128::{DEFAULT_SECRET_LENGTH, RawHasher, SecretBuffer};
@@ -21,41 +22,55 @@ pub struct Digest {
 impl Digest {
     /// The fingerprints of `frame`.
     pub fn of(frame: &Frame) -> Self {
-        let mut radiance = Words::new(frame);
-        let mut counters = frame.desc().cost.then(|| Words::new(frame));
-        for (x, y) in frame.pixels() {
-            for half in 0..frame.halves() {
-                if let Some(film) = frame.film(x, y, half) {
-                    radiance.write(film.sum.map(f64::to_bits));
-                    radiance.write([film.samples]);
-                }
-                if let (Some(counters), Some(cost)) = (&mut counters, frame.cost(x, y, half)) {
-                    counters.write(cost.counts);
-                    counters.write([cost.samples]);
-                }
+        let halves = || frame.pixels().flat_map(|(x, y)| (0..frame.halves()).map(move |half| (x, y, half)));
+        let radiance = || {
+            let mut words = Words::new(frame);
+            for film in halves().filter_map(|(x, y, half)| frame.film(x, y, half)) {
+                words.write(film.sum.map(f64::to_bits));
+                words.write([film.samples]);
             }
-        }
-        Self { radiance: radiance.hex(), counters: counters.map(|words| words.hex()) }
+            words.hex()
+        };
+        let counters = || {
+            let mut words = Words::new(frame);
+            for cost in halves().filter_map(|(x, y, half)| frame.cost(x, y, half)) {
+                words.write(cost.counts);
+                words.write([cost.samples]);
+            }
+            words.hex()
+        };
+        let (radiance, counters) = rayon::join(radiance, || frame.desc().cost.then(counters));
+        Self { radiance, counters }
     }
 }
 
-struct Words(RawHasher<&'static [u8; DEFAULT_SECRET_LENGTH]>);
+/// Bytes that are hashed at a time.
+const TOGETHER: usize = 1 << 14;
+
+struct Words {
+    hasher: RawHasher<&'static [u8; DEFAULT_SECRET_LENGTH]>,
+    waiting: Vec<u8>,
+}
 
 impl Words {
     fn new(frame: &Frame) -> Self {
-        let mut words = Self(RawHasher::new(SecretBuffer::default()));
+        let hasher = RawHasher::new(SecretBuffer::default());
+        let mut words = Self { hasher, waiting: Vec::with_capacity(TOGETHER + 8 * Counter::COUNT) };
         let desc = frame.desc();
         words.write([u64::from(desc.width), u64::from(desc.height), frame.halves() as u64]);
         words
     }
 
     fn write(&mut self, words: impl IntoIterator<Item = u64>) {
-        for word in words {
-            self.0.write(&word.to_le_bytes());
+        self.waiting.extend(words.into_iter().flat_map(u64::to_le_bytes));
+        if self.waiting.len() >= TOGETHER {
+            self.hasher.write(&self.waiting);
+            self.waiting.clear();
         }
     }
 
-    fn hex(&self) -> String {
-        format!("{:032x}", self.0.finish_128())
+    fn hex(mut self) -> String {
+        self.hasher.write(&self.waiting);
+        format!("{:032x}", self.hasher.finish_128())
     }
 }

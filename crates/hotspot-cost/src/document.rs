@@ -195,18 +195,27 @@ pub struct View {
 
 impl Document {
     /// A document with everything that follows from a frame: resolution, samples, totals, estimated error, digests, film
-    /// memory. The rest is the caller's to fill.
+    /// memory. The rest is the caller's to fill. Works in the caller's thread pool.
     pub fn of_frame(frame: &Frame, options: &LayerOptions) -> Self {
         let desc = frame.desc();
         let (mut most, mut cost_most, mut samples) = (0, 0, Samples::default());
         for (x, y) in frame.pixels() {
-            let (film, cost) = (frame.film_total(x, y).samples, frame.cost_total(x, y).samples);
+            let film = frame.film_total(x, y).samples;
+            let cost = frame.with_cost_total(x, y, |total| total.samples);
             most = most.max(film);
             cost_most = cost_most.max(cost);
             samples.radiance += film;
             samples.cost += cost;
         }
-        let relmse = stats::estimated_relmse(frame);
+        let ((relmse, totals), digest) = rayon::join(
+            || {
+                rayon::join(
+                    || stats::estimated_relmse(frame),
+                    || stats::totals(frame, options.metrics, options.model),
+                )
+            },
+            || Digest::of(frame),
+        );
         Self {
             schema: SCHEMA.to_owned(),
             resolution: [desc.width, desc.height],
@@ -216,10 +225,10 @@ impl Document {
             intervals: desc.intervals,
             cost_model: options.model,
             memory: Memory { film: frame.memory(), ..Memory::default() },
-            totals: stats::totals(frame, options.metrics, options.model),
+            totals,
             estimated_relmse: relmse.map(|(value, _)| value),
             estimated_relmse_kind: relmse.map_or(CiKind::None, |(_, kind)| kind),
-            digest: Digest::of(frame),
+            digest,
             ..Self::default()
         }
     }

@@ -38,6 +38,7 @@ use crate::frame::Frame;
 use crate::layers::{mean, variance_of_mean};
 use crate::picture_error::EPSILON;
 use crate::stats::CiKind;
+use rayon::prelude::*;
 
 /// Standard error, relative, that a window's mean may have.
 const NOISE: f64 = 0.5;
@@ -66,49 +67,56 @@ const DIRECTIONS: [(i64, i64); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
 
 /// What the picture's relative squared error is expected to be: the mean over pixels and channels of Var(mean)/(R² + 0.01),
 /// with the variance from halves ([`CiKind::Halves`]) or else s²/n ([`CiKind::Conservative`]: an upper bound, since samples
-/// are stratified). `None` without two samples anywhere.
+/// are stratified). `None` without two samples anywhere. Works in the caller's thread pool.
 pub fn estimated_relmse(frame: &Frame) -> Option<(f64, CiKind)> {
     let (width, height) = (frame.desc().width as usize, frame.desc().height as usize);
-    let intervals = frame.desc().intervals;
-    let mut kind = if intervals { CiKind::Halves } else { CiKind::Conservative };
+    // Both halves of a pixel, where both have samples.
+    let halves = |i: usize| {
+        let (x, y) = ((i % width) as u32, (i / width) as u32);
+        let [a, b] = [0, 1].map(|half| frame.film(x, y, half).filter(|f| f.samples > 0));
+        if frame.desc().intervals { a.zip(b) } else { None }
+    };
+    let all = || (0..width * height).into_par_iter();
     let films: Vec<_> = frame.pixels().map(|(x, y)| frame.film_total(x, y)).collect();
     let counted: Vec<bool> = films.iter().map(|film| film.samples >= 2).collect();
     let pixels = counted.iter().filter(|counted| **counted).count();
     if pixels == 0 {
         return None;
     }
+    let bound = !frame.desc().intervals || all().any(|i| counted[i] && halves(i).is_none());
     let mut sum = 0.0;
     for channel in 0..3 {
         let values: Vec<f64> = films.iter().map(|film| mean(film.sum[channel], film.samples)).collect();
-        let variances: Vec<f64> = frame
-            .pixels()
-            .zip(&films)
-            .map(|((x, y), film)| {
-                let halves = [0, 1].map(|half| frame.film(x, y, half).filter(|f| f.samples > 0));
-                if intervals && let [Some(a), Some(b)] = halves {
+        let variances: Vec<f64> = all()
+            .map(|i| match halves(i) {
+                Some((a, b)) => {
                     let half = 0.5 * (mean(a.sum[channel], a.samples) - mean(b.sum[channel], b.samples));
-                    return half * half;
+                    half * half
                 }
-                if film.samples >= 2 {
-                    kind = CiKind::Conservative;
+                None => {
+                    let film = &films[i];
+                    variance_of_mean(film.sum[channel], film.squares[channel], film.samples).unwrap_or(0.0)
                 }
-                variance_of_mean(film.sum[channel], film.squares[channel], film.samples).unwrap_or(0.0)
             })
             .collect();
         let truth = Truth::new(width, height, &values, &variances);
-        let bound = kind != CiKind::Halves;
-        for (i, variance) in variances.iter().enumerate().filter(|(i, v)| counted[*i] && **v > 0.0) {
-            let around = truth.around(i % width, i / width);
-            let weight = if bound {
-                let r = around.mean.abs().min(values[i].abs());
-                1.0 / (r * r + EPSILON)
-            } else {
-                around.weight()
-            };
-            sum += (variance * weight).min(MOST);
-        }
+        let errors: Vec<f64> = all()
+            .filter(|i| counted[*i] && variances[*i] > 0.0)
+            .map(|i| {
+                let around = truth.around(i % width, i / width);
+                let weight = if bound {
+                    let r = around.mean.abs().min(values[i].abs());
+                    1.0 / (r * r + EPSILON)
+                } else {
+                    around.weight()
+                };
+                (variances[i] * weight).min(MOST)
+            })
+            .collect();
+        // Added up in order: the sum does not depend on the threads.
+        sum = errors.into_iter().fold(sum, |sum, error| sum + error);
     }
-    Some((sum / (3 * pixels) as f64, kind))
+    Some((sum / (3 * pixels) as f64, if bound { CiKind::Conservative } else { CiKind::Halves }))
 }
 
 /// Stands for the true values of a channel.

@@ -10,10 +10,14 @@
 
 use crate::error::{Error, Result};
 use crate::layers::Layers;
+use exr::block::UncompressedBlock;
+use exr::block::writer::ChunksWriter;
+use exr::image::write::layers::{LayersWriter, WritableLayers};
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples, Image, Layer,
-    LayerAttributes, LineOrder, ReadChannels, ReadLayers, Text, WritableImage,
+    LayerAttributes, LineOrder, ReadChannels, ReadLayers, Text,
 };
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Seek, Write};
@@ -91,7 +95,7 @@ pub fn write(path: &Path, layers: &Layers, header: &Header) -> Result<()> {
     let file =
         tempfile::Builder::new().prefix(".hotspot-").suffix(".exr.part").tempfile_in(folder).map_err(io)?;
     let mut writer = BufWriter::new(file);
-    image.write().non_parallel().to_buffered(&mut writer).map_err(|error| match error {
+    write_blocks(&image, &mut writer).map_err(|error| match error {
         exr::error::Error::Io(source) => io(source),
         other => {
             Error::invalid(&place, format!("the picture does not fit the format: {other}"), "report this")
@@ -103,6 +107,35 @@ pub fn write(path: &Path, layers: &Layers, header: &Header) -> Result<()> {
     file.as_file().sync_all().map_err(io)?;
     file.persist(path).map_err(|error| io(error.error))?;
     Ok(())
+}
+
+/// Blocks that are compressed before the next are, and held meanwhile.
+const BLOCKS: usize = 64;
+
+/// Compresses and writes all blocks: those of a batch side by side in the caller's thread pool (the library would start one of its own), written
+/// in order.
+fn write_blocks(
+    image: &Image<Layer<AnyChannels<FlatSamples>>>,
+    writer: &mut (impl Write + Seek),
+) -> exr::error::UnitResult {
+    let headers = image.layer_data.infer_headers(&image.attributes);
+    let pixels = image.layer_data.create_writer(&headers);
+    exr::block::write(writer, headers, true, |meta, chunks| {
+        let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
+        for batch in blocks.chunks(BLOCKS) {
+            let compressed: Vec<_> = batch
+                .par_iter()
+                .map(|&(number, index)| {
+                    let data = pixels.extract_uncompressed_block(&meta.headers, index);
+                    (number, UncompressedBlock { index, data }.compress_to_chunk(&meta.headers))
+                })
+                .collect();
+            for (number, chunk) in compressed {
+                chunks.write_chunk(number, chunk?)?;
+            }
+        }
+        Ok(())
+    })
 }
 
 /// Temporary files are private to their owner; pictures are as public as other new files commonly are.

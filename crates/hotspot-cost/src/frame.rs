@@ -126,6 +126,9 @@ impl Frame {
 
     /// Radiance sums of a pixel, both halves together; empty outside the frame.
     pub fn film_total(&self, x: u32, y: u32) -> FilmPixel {
+        if !self.desc.intervals {
+            return self.film(x, y, 0).copied().unwrap_or_default();
+        }
         let mut total = FilmPixel::default();
         for film in (0..self.halves()).filter_map(|half| self.film(x, y, half)) {
             total.merge(film);
@@ -135,11 +138,21 @@ impl Frame {
 
     /// Cost sums of a pixel, both halves together; empty outside the frame or without cost.
     pub fn cost_total(&self, x: u32, y: u32) -> CostPixel {
+        self.with_cost_total(x, y, |total| *total)
+    }
+
+    /// What is to be known of [`Frame::cost_total`], without a copy of it where there are no halves: it is some hundred bytes.
+    pub(crate) fn with_cost_total<T>(&self, x: u32, y: u32, of: impl FnOnce(&CostPixel) -> T) -> T {
+        if !self.desc.intervals
+            && let Some(cost) = self.cost(x, y, 0)
+        {
+            return of(cost);
+        }
         let mut total = CostPixel::default();
         for cost in (0..self.halves()).filter_map(|half| self.cost(x, y, half)) {
             total.merge(cost);
         }
-        total
+        of(&total)
     }
 
     /// The cost sums of every pixel and half, tile by tile; empty without cost.

@@ -180,11 +180,12 @@ pub fn of_frame_layers(
     let variances = frame
         .pixels()
         .map(|(x, y)| {
-            let pixel = frame.cost_total(x, y);
-            metric
-                .squares(&pixel, model)
-                .and_then(|squares| variance_of_mean(metric.sum(&pixel, model), squares, pixel.samples))
-                .map_or(0.0, |variance| variance as f32)
+            frame.with_cost_total(x, y, |pixel| {
+                metric
+                    .squares(pixel, model)
+                    .and_then(|squares| variance_of_mean(metric.sum(pixel, model), squares, pixel.samples))
+                    .map_or(0.0, |variance| variance as f32)
+            })
         })
         .collect();
     with_variances(layers, metric, Some((variances, None)), objects, names, most)
@@ -254,7 +255,7 @@ fn with_variances(
 
 /// The object that each pixel's camera rays hit first, [`NONE`] for the background, row by row from the top.
 pub fn first_objects(frame: &Frame) -> Vec<u32> {
-    frame.pixels().map(|(x, y)| frame.cost_total(x, y).first_object).collect()
+    frame.pixels().map(|(x, y)| frame.with_cost_total(x, y, |total| total.first_object)).collect()
 }
 
 /// The hotspots of a picture by falling excess: `most`, and while these hold less than half of the excess further ones, up to

@@ -12,7 +12,8 @@
 use crate::frame::Frame;
 use crate::metric::{CostModel, Metric};
 use crate::metric_set::MetricSet;
-use crate::recorder::{CostPixel, FilmPixel};
+use crate::recorder::{CostPixel, FilmPixel, Rect};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Channels of the radiance and their names after `half.` and `var.`.
@@ -109,75 +110,125 @@ impl Layers {
 
     /// The planes of a frame. A is 1 everywhere; a renderer that knows where its camera rays miss may overwrite it.
     /// `half.*` is there when the frame keeps halves, `half.time_us` too: as the spread of two runs, never as an interval.
+    /// Works in the caller's thread pool.
     pub fn from_frame(frame: &Frame, options: &LayerOptions) -> Self {
-        let mut layers = Self::new(frame.desc().width, frame.desc().height);
-        let intervals = frame.desc().intervals;
-        layers.fill_film("samples", frame, |film| film.samples as f32);
-        if options.radiance {
-            for (channel, (name, long)) in RADIANCE.into_iter().enumerate() {
-                layers.fill_film(name, frame, |film| mean(film.sum[channel], film.samples) as f32);
-                if intervals {
-                    let plane = frame
-                        .pixels()
-                        .map(|(x, y)| {
-                            half([0, 1].map(|half| {
-                                frame.film(x, y, half).map_or((0.0, 0), |f| (f.sum[channel], f.samples))
-                            }))
-                        })
-                        .collect();
-                    layers.insert(format!("half.{long}"), plane);
-                }
-                if options.var {
-                    layers.fill_film(&format!("var.{long}"), frame, |film| {
-                        variance_of_mean(film.sum[channel], film.squares[channel], film.samples)
-                            .unwrap_or(0.0) as f32
-                    });
-                }
+        let (width, height) = (frame.desc().width, frame.desc().height);
+        let mut layers = Self::new(width, height);
+        let wanted = wanted(frame, options);
+        let mut planes: Vec<Vec<f32>> = wanted.iter().map(|_| vec![0.0; layers.pixels()]).collect();
+        // Pixel by pixel, since its sums are far larger than what a plane wants of them; as many rows at a time as tiles have.
+        let rows = frame.desc().tile as usize;
+        let mut bands: Vec<Vec<&mut [f32]>> = Vec::new();
+        bands.resize_with((height as usize).div_ceil(rows), Vec::new);
+        for plane in &mut planes {
+            for (band, part) in bands.iter_mut().zip(plane.chunks_mut(rows * width as usize)) {
+                band.push(part);
             }
-            layers.insert("A", vec![1.0; layers.pixels()]);
         }
-        if !frame.desc().cost {
-            return layers;
-        }
-        layers.fill_cost("cost.samples", frame, |pixel| pixel.samples as f32);
-        for metric in options.metrics.iter().filter(|metric| metric.in_layers()) {
-            let mean_of = |pixel: &CostPixel| mean(metric.sum(pixel, options.model), metric.samples(pixel));
-            layers.fill_cost(&metric.layer(), frame, |pixel| mean_of(pixel) as f32);
-            if intervals {
-                let plane = frame
-                    .pixels()
-                    .map(|(x, y)| {
-                        half([0, 1].map(|half| {
-                            frame
-                                .cost(x, y, half)
-                                .map_or((0.0, 0), |p| (metric.sum(p, options.model), metric.samples(p)))
-                        }))
-                    })
-                    .collect();
-                layers.insert(format!("half.{}", metric.name()), plane);
-            }
-            if options.var && metric.squares(&CostPixel::default(), options.model).is_some() {
-                layers.fill_cost(&format!("var.{}", metric.name()), frame, |pixel| {
-                    metric
-                        .squares(pixel, options.model)
-                        .and_then(|squares| {
-                            variance_of_mean(metric.sum(pixel, options.model), squares, pixel.samples)
-                        })
-                        .unwrap_or(0.0) as f32
+        bands.into_par_iter().enumerate().for_each(|(band, mut parts)| {
+            let part = Rect { x: 0, y: (band * rows) as u32, width, height: rows as u32 };
+            let whole = Rect { x: 0, y: 0, width, height };
+            for (place, (x, y)) in whole.intersection(&part).pixels().enumerate() {
+                let film = frame.film_total(x, y);
+                frame.with_cost_total(x, y, |cost| {
+                    let pixel = Pixel {
+                        films: [0, 1].map(|half| frame.film(x, y, half)),
+                        costs: [0, 1].map(|half| frame.cost(x, y, half)),
+                        film: &film,
+                        cost,
+                        model: options.model,
+                    };
+                    for (value, part) in wanted.iter().map(|(_, value)| value).zip(&mut parts) {
+                        part[place] = value.of(&pixel);
+                    }
                 });
             }
+        });
+        for ((name, _), plane) in wanted.into_iter().zip(planes) {
+            layers.insert(name, plane);
+        }
+        if options.radiance {
+            layers.insert("A", vec![1.0; layers.pixels()]);
         }
         layers
     }
+}
 
-    fn fill_film(&mut self, name: &str, frame: &Frame, value: impl Fn(&FilmPixel) -> f32) {
-        let plane = frame.pixels().map(|(x, y)| value(&frame.film_total(x, y))).collect();
-        self.insert(name, plane);
+/// The names of a frame's planes and what they hold.
+fn wanted(frame: &Frame, options: &LayerOptions) -> Vec<(String, Value)> {
+    let intervals = frame.desc().intervals;
+    let mut wanted = vec![("samples".to_owned(), Value::Samples)];
+    if options.radiance {
+        for (channel, (name, long)) in RADIANCE.into_iter().enumerate() {
+            wanted.push((name.to_owned(), Value::Radiance(channel)));
+            if intervals {
+                wanted.push((format!("half.{long}"), Value::RadianceHalf(channel)));
+            }
+            if options.var {
+                wanted.push((format!("var.{long}"), Value::RadianceVariance(channel)));
+            }
+        }
     }
+    if !frame.desc().cost {
+        return wanted;
+    }
+    wanted.push(("cost.samples".to_owned(), Value::CostSamples));
+    for metric in options.metrics.iter().filter(|metric| metric.in_layers()) {
+        wanted.push((metric.layer(), Value::Cost(metric)));
+        if intervals {
+            wanted.push((format!("half.{}", metric.name()), Value::CostHalf(metric)));
+        }
+        if options.var && metric.squares(&CostPixel::default(), options.model).is_some() {
+            wanted.push((format!("var.{}", metric.name()), Value::CostVariance(metric)));
+        }
+    }
+    wanted
+}
 
-    fn fill_cost(&mut self, name: &str, frame: &Frame, value: impl Fn(&CostPixel) -> f32) {
-        let plane = frame.pixels().map(|(x, y)| value(&frame.cost_total(x, y))).collect();
-        self.insert(name, plane);
+/// What a plane holds of each pixel; radiance by channel.
+#[derive(Clone, Copy, Debug)]
+enum Value {
+    Samples,
+    Radiance(usize),
+    RadianceHalf(usize),
+    RadianceVariance(usize),
+    CostSamples,
+    Cost(Metric),
+    CostHalf(Metric),
+    CostVariance(Metric),
+}
+
+/// The sums of a pixel: of its halves (the first alone without any), and in all.
+struct Pixel<'a> {
+    films: [Option<&'a FilmPixel>; 2],
+    costs: [Option<&'a CostPixel>; 2],
+    film: &'a FilmPixel,
+    cost: &'a CostPixel,
+    model: CostModel,
+}
+
+impl Value {
+    fn of(self, pixel: &Pixel<'_>) -> f32 {
+        let &Pixel { film, cost, model, .. } = pixel;
+        match self {
+            Self::Samples => film.samples as f32,
+            Self::Radiance(channel) => mean(film.sum[channel], film.samples) as f32,
+            Self::RadianceHalf(channel) => {
+                half(pixel.films.map(|film| film.map_or((0.0, 0), |f| (f.sum[channel], f.samples))))
+            }
+            Self::RadianceVariance(channel) => {
+                variance_of_mean(film.sum[channel], film.squares[channel], film.samples).unwrap_or(0.0) as f32
+            }
+            Self::CostSamples => cost.samples as f32,
+            Self::Cost(metric) => mean(metric.sum(cost, model), metric.samples(cost)) as f32,
+            Self::CostHalf(metric) => half(
+                pixel.costs.map(|cost| cost.map_or((0.0, 0), |c| (metric.sum(c, model), metric.samples(c)))),
+            ),
+            Self::CostVariance(metric) => metric
+                .squares(cost, model)
+                .and_then(|squares| variance_of_mean(metric.sum(cost, model), squares, cost.samples))
+                .unwrap_or(0.0) as f32,
+        }
     }
 }
 
@@ -268,6 +319,33 @@ mod tests {
         expected.sort();
         let names: Vec<&String> = layers.planes.keys().collect();
         assert_eq!(names, expected.iter().collect::<Vec<_>>());
+    }
+
+    /// Frames of several tiles, the last ones smaller: each pixel's planes are of its own sums.
+    #[test]
+    fn planes_hold_the_means_of_their_pixels() {
+        for (intervals, tile, size) in [(false, 16, (37, 35)), (true, 5, (11, 13)), (false, 64, (9, 3))] {
+            let desc = FrameDesc { intervals, tile, ..FrameDesc::new(size.0, size.1) };
+            let frame = random_frame(desc, 3, 7);
+            let options = LayerOptions { var: true, ..LayerOptions::default() };
+            let layers = Layers::from_frame(&frame, &options);
+            for (index, (x, y)) in frame.pixels().enumerate() {
+                let (film, cost) = (frame.film_total(x, y), frame.cost_total(x, y));
+                let at = |name: &str| layers.plane(name).unwrap()[index];
+                assert_eq!(at("G"), (film.sum[1] / film.samples as f64) as f32);
+                assert_eq!((at("samples"), at("cost.samples")), (film.samples as f32, cost.samples as f32));
+                let nodes = Metric::Nodes.sum(&cost, options.model);
+                assert_eq!(at("cost.nodes"), (nodes / cost.samples as f64) as f32);
+                let squares = cost.squares[1] - nodes * nodes / cost.samples as f64;
+                let (n, var) = (cost.samples as f64, f64::from(at("var.nodes")));
+                assert!((var - squares.max(0.0) / (n - 1.0) / n).abs() <= 1e-6 * var, "{var}");
+                if intervals {
+                    let [a, b] = [0, 1].map(|half| frame.cost(x, y, half).unwrap());
+                    let [a, b] = [a, b].map(|c| Metric::Nodes.sum(c, options.model) / c.samples as f64);
+                    assert_eq!(at("half.nodes"), (0.5 * (a - b)) as f32);
+                }
+            }
+        }
     }
 
     #[test]

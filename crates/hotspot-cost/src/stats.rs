@@ -22,6 +22,7 @@ use crate::metric::{CostModel, Metric, Sum};
 use crate::metric_set::MetricSet;
 use crate::recorder::{CostPixel, Rect};
 use crate::student::Variance;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -53,12 +54,14 @@ pub struct Total {
     pub ci_kind: CiKind,
 }
 
-/// The totals of the metrics chosen, by [`Metric::name`]. Time never gets an interval: repeats alone can give one.
+/// The totals of the metrics chosen, by [`Metric::name`]. Time never gets an interval: repeats alone can give one. Works in the caller's
+/// thread pool, a metric at a time.
 pub fn totals(frame: &Frame, metrics: MetricSet, model: CostModel) -> BTreeMap<String, Total> {
     if !frame.desc().cost {
         return BTreeMap::new();
     }
-    metrics.iter().map(|metric| (metric.name().to_owned(), total(frame, metric, model))).collect()
+    let metrics: Vec<Metric> = metrics.iter().collect();
+    metrics.into_par_iter().map(|metric| (metric.name().to_owned(), total(frame, metric, model))).collect()
 }
 
 /// The total of one metric.
@@ -151,14 +154,16 @@ fn conservative_variance(
     // The pixels with a single path: their count, sum, sum of squares.
     let mut lone = (0_u64, 0.0, 0.0);
     for (x, y) in pixels {
-        let pixel = frame.cost_total(x, y);
-        let (sum, squares) = (metric.sum(&pixel, model), metric.squares(&pixel, model)?);
-        match variance_of_mean(sum, squares, pixel.samples) {
+        let (sum, squares, paths) = frame.with_cost_total(x, y, |pixel| {
+            (metric.sum(pixel, model), metric.squares(pixel, model), pixel.samples)
+        });
+        let squares = squares?;
+        match variance_of_mean(sum, squares, paths) {
             Some(of_mean) => {
-                let weight = pixel.samples as f64 / samples as f64;
-                variance.add(weight * weight * of_mean, (pixel.samples - 1) as f64);
+                let weight = paths as f64 / samples as f64;
+                variance.add(weight * weight * of_mean, (paths - 1) as f64);
             }
-            None if pixel.samples == 1 => lone = (lone.0 + 1, lone.1 + sum, lone.2 + squares),
+            None if paths == 1 => lone = (lone.0 + 1, lone.1 + sum, lone.2 + squares),
             None => {}
         }
     }

@@ -240,8 +240,8 @@ pub struct Rendered {
     pub threads: usize,
     /// Name of the kernel of paths that go one by one: tree, instruction set, scene class.
     pub kernel: String,
-    /// Whether any paths went eight at a time (counted ones where a wave has at least eight of a pixel): of Sobol points, in scenes without
-    /// instances, environment pictures, lights without area, mixed, unlit and absorbing materials, and textured or cut-out emission; without AVX2 only paths that are not counted among few triangles.
+    /// Whether any paths went eight at a time: those of Sobol points (counted ones where a wave has at least eight of a pixel); without AVX2 only
+    /// paths that are not counted among few triangles.
     pub eights: bool,
     /// Samples whose radiance was not finite and counted as black, sorted; at most 64 per tile and wave are listed (which of more
     /// depends on the order in which they were taken).

@@ -8,7 +8,7 @@ use crate::open::{SceneArgs, default_size};
 use crate::progress::Talker;
 use hotspot_cost::document::{Note, Stopped, Tree};
 use hotspot_cost::hotspots::Sounding;
-use hotspot_cost::{Document, Frame, LayerOptions};
+use hotspot_cost::{Document, Frame, LayerOptions, Layers};
 use hotspot_integrator::{
     BakeView, Baked, Control, FirstHit, Quality, RenderScene, Rendered, Roulette, Settings, Stop,
     SurfaceMesh, bake, first_hits, render, sound, surface_view, viewpoints,
@@ -89,6 +89,16 @@ impl<'a> Stage<'a> {
     /// Renders on the stage's own threads.
     pub(crate) fn render(&self, settings: &Settings, control: Control<'_>) -> Rendered {
         self.render_over(&self.prepared, settings, control)
+    }
+
+    /// The layers of a render, made on the stage's own threads.
+    pub(crate) fn layers(&self, rendered: &Rendered, options: &LayerOptions) -> Layers {
+        self.pool.install(|| Layers::from_frame(&rendered.frame, options))
+    }
+
+    /// Does something on the stage's own threads.
+    pub(crate) fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        self.pool.install(work)
     }
 
     /// The same of another preparation of the scene: over another tree, or of an edited scene.
@@ -213,7 +223,7 @@ impl<'a> Stage<'a> {
         options: &LayerOptions,
     ) -> Document {
         let held = prepared.memory();
-        let mut document = Document::of_frame(&rendered.frame, options);
+        let mut document = self.pool.install(|| Document::of_frame(&rendered.frame, options));
         document.generator = format!("hotspot-render {}", env!("CARGO_PKG_VERSION"));
         document.scene.clone_from(&self.name);
         document.command = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();

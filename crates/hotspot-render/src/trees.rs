@@ -45,7 +45,7 @@ pub(crate) fn measure(
         let control = Control { cancel: Some(cancel), progress: Some(&progress), ..Control::default() };
         let rendered = stage.render_over(&prepared, &settings, control);
         if rendered.stop == hotspot_integrator::Stop::Done {
-            spread.add(&Layers::from_frame(&rendered.frame, &options));
+            spread.add(&stage.layers(&rendered, &options));
         }
     }
     talker.finish();

@@ -207,6 +207,26 @@ fn keys_may_be_missing_or_new_but_the_schema_must_fit() {
     assert!(matches!(Document::from_json("{", "x"), Err(Error::Invalid { .. })));
 }
 
+/// What is made side by side does not depend on by how many.
+#[test]
+fn threads_change_nothing() {
+    for intervals in [false, true] {
+        let frame = random_frame(FrameDesc { intervals, ..FrameDesc::new(75, 43) }, 3, 5);
+        let made = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let layers = crate::Layers::from_frame(&frame, &LayerOptions::default());
+                let names = ["a", "b", "c", "d"].map(String::from);
+                let found = hotspots::of_frame(&frame, CostModel::default(), &names, 5);
+                (layers, found, Document::of_frame(&frame, &LayerOptions::default()))
+            })
+        };
+        let (one, many) = (made(1), made(4));
+        assert!(one.2.estimated_relmse.is_some() && !one.1.is_empty());
+        assert_eq!(one, many);
+    }
+}
+
 #[test]
 fn samples_are_counted() {
     let document = full();

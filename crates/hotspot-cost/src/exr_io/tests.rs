@@ -1,7 +1,7 @@
 use super::*;
 use crate::testing::random_frame;
 use crate::{FrameDesc, LayerOptions};
-use exr::prelude::{Vec2, f16};
+use exr::prelude::{Vec2, WritableImage, f16};
 
 fn sample() -> (Layers, Header) {
     let frame = random_frame(FrameDesc { intervals: true, ..FrameDesc::new(37, 19) }, 2, 3);
@@ -145,6 +145,23 @@ fn foreign(name: Option<&str>, size: Vec2<usize>, encoding: Encoding) -> Layer<A
     ];
     let attributes = LayerAttributes { layer_name: name.map(text), ..LayerAttributes::default() };
     Layer::new(size, attributes, encoding, AnyChannels::sort(channels.into_iter().collect()))
+}
+
+/// More blocks than are compressed at once, the last of them smaller; as the library writes them one by one.
+#[test]
+fn blocks_are_written_as_the_library_writes_them() {
+    let mut layers = Layers::new(5, 16 * BLOCKS as u32 + 37);
+    layers.insert("cost.nodes", (0..layers.pixels()).map(|i| (i * 7919 % 1013) as f32).collect());
+    layers.insert("R", (0..layers.pixels()).map(|i| (i as f32).sin()).collect());
+    let image = image(&layers, &sample().1, "here").unwrap();
+    let mut expected = std::io::Cursor::new(Vec::new());
+    image.write().non_parallel().to_buffered(&mut expected).unwrap();
+    for threads in [1, 3] {
+        let mut found = std::io::Cursor::new(Vec::new());
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| write_blocks(&image, &mut found)).unwrap();
+        assert!(found.into_inner() == *expected.get_ref(), "{threads} threads");
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Smoothing within objects, with a lower bound.
 
 use crate::student::{Variance, quantile};
+use rayon::prelude::*;
 
 /// Reach of the window on each side, in pixels.
 const REACH: usize = 4;
@@ -14,7 +15,7 @@ const TWO_SIDED: f64 = 0.002;
 ///
 /// A variance that is NaN is unknown. A window with such a pixel takes the variance among its k costs for theirs, with
 /// k − 1 degrees of freedom: that holds what truly differs between pixels too and errs on the wide side. A window of a
-/// single such pixel has no bound: −∞.
+/// single such pixel has no bound: −∞. Works in the caller's thread pool.
 ///
 /// # Panics
 /// When a plane does not hold width × height values (`objects` may be empty).
@@ -33,10 +34,9 @@ pub fn smoothed_lower_bound(
     // The window's degrees of freedom are rounded down, so that a small table of quantiles serves.
     let quantiles: Vec<f64> = (1..=200).map(|dof| quantile(TWO_SIDED, f64::from(dof))).collect();
     let t = |dof: f64| quantiles[(dof as usize).clamp(1, quantiles.len()) - 1];
-    let mut out = Vec::with_capacity(cost.len());
-    for y in 0..height {
+    let row_of = |y: usize| -> Vec<f32> {
         let rows = y.saturating_sub(REACH)..(y + REACH + 1).min(height);
-        for x in 0..width {
+        let bound = |x: usize| {
             let own = objects.get(y * width + x);
             let columns = x.saturating_sub(REACH)..(x + REACH + 1).min(width);
             let mut window = Window::default();
@@ -51,10 +51,11 @@ pub fn smoothed_lower_bound(
                         .for_each(|((cost, variance), _)| window.add(*cost, *variance, dof)),
                 }
             }
-            out.push(window.lower_bound(t));
-        }
-    }
-    out
+            window.lower_bound(t)
+        };
+        (0..width).map(bound).collect()
+    };
+    (0..height).into_par_iter().flat_map_iter(row_of).collect()
 }
 
 /// The pixels of a window.

@@ -8,9 +8,9 @@ use crate::maps::{ColorMap, SPIKE, View, encode_png, notes, ticks};
 use base64::{Engine, engine::general_purpose::STANDARD};
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
+use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Steps of an embedded colour table.
 const STEPS: usize = 513;
@@ -224,30 +224,9 @@ fn shrunk(width: u32, values: &[f32], by: u32) -> Vec<f32> {
     out
 }
 
-/// `work` over the items on a few threads; the results in order.
+/// `work` over the items in the caller's thread pool; the results in order.
 pub(super) fn parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(8).min(items.len());
-    if threads < 2 {
-        return items.iter().map(work).collect();
-    }
-    let next = AtomicUsize::new(0);
-    let worker = || {
-        let mut own = Vec::new();
-        loop {
-            let index = next.fetch_add(1, Ordering::Relaxed);
-            let Some(item) = items.get(index) else { return own };
-            own.push((index, work(item)));
-        }
-    };
-    let mut done: Vec<(usize, R)> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(worker)).collect();
-        workers
-            .into_iter()
-            .flat_map(|worker| worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-            .collect()
-    });
-    done.sort_unstable_by_key(|(index, _)| *index);
-    done.into_iter().map(|(_, result)| result).collect()
+    items.par_iter().with_max_len(1).map(&work).collect()
 }
 
 /// Objects under the pixels: only the names that occur, with the indices that ledgers know them by. `Null` when the plane does not fit the picture.

@@ -198,21 +198,25 @@ impl Geometry {
     #[inline(always)]
     pub(crate) fn part_of_number(&self, number: u32) -> &Part {
         let number = number as usize;
-        match number.checked_sub(self.parts.len()) {
-            None => &self.parts[number],
-            Some(instance) => &self.placed[instance].part,
+        match self.parts.get(number) {
+            Some(part) => part,
+            None => &self.placed[number - self.parts.len()].part,
         }
     }
 
     /// The numbers of the parts that these triangles of the world, or of instances, belong to.
     #[inline(always)]
-    pub(crate) fn part_numbers<S: Simd>(&self, primitive: Integers<S>, instance: Integers<S>) -> Integers<S> {
+    pub(crate) fn part_numbers<S: Simd, C: Class>(
+        &self,
+        primitive: Integers<S>,
+        instance: Integers<S>,
+    ) -> Integers<S> {
+        if !has::<C>(Feature::Instances) || self.placed.is_empty() {
+            return Integers::gather(&self.part_of, primitive);
+        }
         let placed = instance + self.parts.len() as u32;
         if self.part_of.is_empty() {
             return placed;
-        }
-        if self.placed.is_empty() {
-            return Integers::gather(&self.part_of, primitive);
         }
         Integers::gather(&self.part_of, primitive).or_where_not(instance.is(NO_INSTANCE), placed)
     }

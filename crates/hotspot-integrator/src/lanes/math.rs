@@ -91,12 +91,31 @@ impl<S: Simd> FrameLanes<S> {
 
 /// [`crate::math::sin_cos_turn`].
 #[inline(always)]
-pub(super) fn sin_cos_turn<S: Simd>(s: S, u: Floats<S>) -> (Floats<S>, Floats<S>) {
+pub(crate) fn sin_cos_turn<S: Simd>(s: S, u: Floats<S>) -> (Floats<S>, Floats<S>) {
     let quarter = (u * 4.0 + 0.5).truncate();
     let angle = (u * 4.0 - quarter.to_floats()) * core::f32::consts::FRAC_PI_2;
     let (sin, cos) = sin_cos_eighth(s, angle);
     let odd = (quarter & 1).is(1);
     (negated(odd.select(cos, sin), quarter), negated(odd.select(sin, cos), quarter + 1))
+}
+
+/// [`crate::math::atan2_turns`].
+#[inline(always)]
+pub(crate) fn atan2_turns<S: Simd>(s: S, y: Floats<S>, x: Floats<S>) -> Floats<S> {
+    let zero = Floats::splat(s, 0.0);
+    let (ax, ay) = (x.abs(), y.abs());
+    let upright = ax.less(ay);
+    let (long, short) = (upright.select(ay, ax), upright.select(ax, ay));
+    let steep = (long * 0.414_213_56).less(short);
+    let above = steep.select(short - long, short);
+    let below = steep.select(short + long, long.max(Floats::splat(s, f32::MIN_POSITIVE)));
+    let t = above / below;
+    let t2 = t * t;
+    let [a, b, c, d] = [0.159_154_94, -0.053_050_776, 0.031_789_74, -0.022_040_557];
+    let p = t2 * (t2 * (t2 * (t2 * 0.012_694_663 + d) + c) + b) + a;
+    let turns = t * p + steep.or_zero(Floats::splat(s, 0.125));
+    let turns = upright.select(0.25 - turns, turns);
+    x.less(zero).select(0.5 - turns, turns).copysign(y)
 }
 
 /// Where the second bit of `when` is set.

@@ -270,7 +270,7 @@ impl<S: Simd> Paths<S> {
             None => ViewpointLanes::none(s).outlook,
         };
         let primitive = hits.primitive;
-        let part = scene.geometry.part_numbers(primitive, instance);
+        let part = scene.geometry.part_numbers::<S, C>(primitive, instance);
         let placed = if has::<C>(Feature::Instances) { !instance.is(NO_INSTANCE).bits() & alive } else { 0 };
         if let Some(counted) = &mut counted {
             let first = self.bounces.is(0).bits() & alive;
@@ -471,7 +471,7 @@ impl<S: Simd> Paths<S> {
                     let part = if C::TEXTURED {
                         self.part
                     } else {
-                        scene.geometry.part_numbers(self.from, in_world)
+                        scene.geometry.part_numbers::<S, C>(self.from, in_world)
                     };
                     let part = part.store();
                     let senders = self.senders(scene, RayKind::Bounce, [part, part]);
@@ -565,17 +565,20 @@ impl<S: Simd> Paths<S> {
         let (f_cos, mut pdf) = vertex.bsdf.eval::<C>(s, vertex.local_wo, wi, light.there);
         let emits = zero.less(light.cos) | (light.two_sided & light.cos.less(zero));
         let emits = light.sky | light.positions | emits.bits();
-        let mut lit = light.there & f_cos.any().bits() & emits;
         let mut emission = light.emission;
+        let mut lit = light.there & emits;
+        if C::TEXTURED {
+            lit &= f_cos.any().bits();
+        }
         if C::TEXTURED && lanes.glows && lit & !light.sky & !light.positions != 0 {
             let surfaces = lit & !light.sky & !light.positions;
             let (primitive, instance) = (light.primitive, Integers::splat(s, NO_INSTANCE));
-            let kind = lanes.parts(scene.geometry.part_numbers(primitive, instance)).kind;
+            let kind = lanes.parts(scene.geometry.part_numbers::<S, C>(primitive, instance)).kind;
             let glowing = (kind & GLOWS).is(GLOWS).bits() & surfaces;
             let at = At { primitive, instance, u: light.uv[0], v: light.uv[1] };
             emission = emissions_of_samples::<S, C>(s, scene, &at, emission, glowing, lookups);
         }
-        lit &= emission.any().bits();
+        lit &= (f_cos.any() & emission.any()).bits();
         if lit == 0 {
             return;
         }

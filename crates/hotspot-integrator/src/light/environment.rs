@@ -137,8 +137,8 @@ impl EnvironmentSampler {
     /// leaves the place under the tent. `None` where rounding leaves no light.
     #[inline(never)]
     pub(crate) fn sample(&self, u: Vec2) -> Option<(Vec3, Look)> {
-        let (row, down) = self.rows.sample(0, u.x);
-        let (column, across) = self.columns.sample(row, u.y);
+        let (row, down) = self.row(u.x);
+        let (column, across) = self.column(row, u.y);
         let x = column as f32 + 0.5 + tent(across);
         let y = match down {
             d if d < 0.5 && row == 0 => d,
@@ -151,6 +151,36 @@ impl EnvironmentSampler {
         let wi = Vec3::new(-s * sin, cos, c * sin);
         let look = self.at(x, y, sin);
         (look.pdf > 0.0 && look.pdf.is_finite()).then_some((wi, look))
+    }
+
+    /// Width, height and rotation.
+    #[inline(always)]
+    pub(super) fn frame(&self) -> (usize, usize, f32) {
+        (self.width, self.height, self.rotation)
+    }
+
+    /// What texels are multiplied by for radiance, and dotted with for luminance.
+    #[inline(always)]
+    pub(super) fn weights(&self) -> ([f32; 3], [f32; 3]) {
+        (self.scale.to_array(), self.luminance.to_array())
+    }
+
+    /// Two texels of a row, and the row's density.
+    #[inline(always)]
+    pub(super) fn texels(&self, columns: [usize; 2], row: usize) -> ([[f32; 3]; 2], f32) {
+        (columns.map(|column| self.texels[row * self.width + column]), self.row_density[row])
+    }
+
+    /// The row that a number chooses, and the place in it.
+    #[inline(always)]
+    pub(super) fn row(&self, u: f32) -> (usize, f32) {
+        self.rows.sample(0, u)
+    }
+
+    /// The column of that row that a number chooses, and the place in it.
+    #[inline(always)]
+    pub(super) fn column(&self, row: usize, u: f32) -> (usize, f32) {
+        self.columns.sample(row, u)
     }
 
     /// Interpolates at a place of the picture (texel centres at halves), seen under polar angle θ of sine `sin`.

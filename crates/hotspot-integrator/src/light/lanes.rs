@@ -1,17 +1,15 @@
-//! Light samples for eight paths at once: those of [`Lights::sample`], bit for bit. Where there are lights without area each lane asks by itself, and
-//! so does each that chooses an environment map.
+//! Light samples for eight paths at once: those of [`Lights::sample`], bit for bit. Where there are lights without area each lane asks by itself.
 
 use super::learned_lanes::ViewpointLanes;
 use super::patches::Row;
 use super::triangles::LightTriangle;
-use super::{Learned, LightSample, LightTarget, Lights, Surroundings};
+use super::{EnvironmentSampler, Learned, LightSample, LightTarget, Lights, Surroundings};
 use crate::class::{Class, Feature, FullClass, has};
 use crate::geometry::{Geometry, SurfaceTriangle};
 use crate::lanes::PointLanes;
 use crate::lanes::math::{FrameLanes, max_element, square_to_cosine_hemisphere, square_to_triangle, vec3};
 use crate::math::{FRAC_1_PI, Frame};
 use crate::scene::RenderScene;
-use glam::Vec2;
 use hotspot_bvh::simd::{F8, Floats, Integers, Lanes, Mask, Simd, U8, Vectors, set_vector};
 use hotspot_probe::Probe;
 use hotspot_scene::Material;
@@ -279,7 +277,7 @@ impl LightLanes {
                 Some((Vectors::splat(s, radiance), sky_pdf(s, lights.environment_probability, cos)))
             }
             Sky::Map if !has::<C>(Feature::EnvironmentMaps) => None,
-            Sky::Map => Some(look_up_each(s, lights, direction, escaped, probes)),
+            Sky::Map => look_up_map(s, lights, direction, escaped, probes),
         }
     }
 
@@ -311,7 +309,7 @@ impl LightLanes {
             if !has::<C>(Feature::EnvironmentMaps) {
                 return surfaces;
             }
-            return surfaces.with(s, sky, sample_map_each(s, lights, frame, [select, v], sky, probes));
+            return surfaces.with(s, sky, sample_map(s, lights, [select, v], sky, probes));
         };
         let local = square_to_cosine_hemisphere(s, select / Floats::splat(s, share), v);
         let pdf = sky_pdf(s, share, local.z);
@@ -608,57 +606,47 @@ impl Frames {
 
 /// What lanes `asked` see of an environment map, and with which density it is sampled.
 #[inline(never)]
-fn look_up_each<S: Simd, P: Probe>(
+fn look_up_map<S: Simd, P: Probe>(
     s: S,
     lights: &Lights,
     direction: Vectors<S>,
     asked: u32,
     probes: &mut [P; 8],
-) -> (Vectors<S>, Floats<S>) {
+) -> Option<(Vectors<S>, Floats<S>)> {
+    let Surroundings::Map(map) = &lights.environment else { return None };
     s.vectorize(
         #[inline(always)]
         || {
-            let direction = direction.store();
-            let (mut radiance, mut pdf) = ([F8([0.0; 8]); 3], F8([0.0; 8]));
             for lane in Lanes(asked) {
-                let direction = vec3(&direction, lane);
-                // Of a map the cosine is not asked.
-                if let Some((seen, density)) =
-                    lights.escaped::<_, FullClass>(direction, 0.0, &mut probes[lane])
-                {
-                    set_vector(&mut radiance, lane, seen.to_array());
-                    pdf.0[lane] = density;
-                }
+                probes[lane].texture(1, EnvironmentSampler::LOOKUP_BYTES);
             }
-            (Vectors::load(s, &radiance), Floats::load(s, &pdf))
+            let look = map.look_ups(s, direction, asked);
+            Some((look.radiance, Floats::splat(s, lights.environment_probability) * look.pdf))
         },
     )
 }
 
 /// Samples of an environment map for lanes `asked`, which chose it.
 #[inline(never)]
-fn sample_map_each<S: Simd, P: Probe>(
+fn sample_map<S: Simd, P: Probe>(
     s: S,
     lights: &Lights,
-    frame: &FrameLanes<S>,
     [select, v]: [Floats<S>; 2],
     asked: u32,
     probes: &mut [P; 8],
 ) -> LightSamples<S> {
+    let Surroundings::Map(map) = &lights.environment else { return LightSamples::none(s) };
     s.vectorize(
         #[inline(always)]
         || {
-            let (select, v, frames) = (select.store(), v.store(), Frames::of(frame));
-            let mut samples = SkySamples::NONE;
-            for lane in Lanes(asked) {
-                let u = Vec2::new(select.0[lane] / lights.environment_probability, v.0[lane]);
-                let frame = frames.frame(lane);
-                let found = lights.sample_environment::<_, FullClass, true>(&frame, u, &mut probes[lane]);
-                if let Some(sample) = found {
-                    samples.add(lane, &sample);
-                }
+            let share = Floats::splat(s, lights.environment_probability);
+            let most = Floats::splat(s, 1.0 - f32::EPSILON);
+            let (wi, look, there) = map.samples(s, [(select / share).min(most), v.min(most)], asked);
+            for lane in Lanes(there) {
+                probes[lane].texture(1, EnvironmentSampler::LOOKUP_BYTES);
             }
-            samples.load(s, LightSamples::none(s))
+            let pdf = share * look.pdf;
+            LightSamples { there, sky: there, wi, pdf, emission: look.radiance, ..LightSamples::none(s) }
         },
     )
 }

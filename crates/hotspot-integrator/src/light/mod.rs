@@ -22,6 +22,7 @@
 //! kind that is present gets at least [`LEAST_SHARE`], and so much of the punctual lights' share is spread evenly over them.
 
 mod environment;
+mod environment_lanes;
 mod facing;
 mod guided;
 mod lanes;

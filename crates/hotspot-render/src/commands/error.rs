@@ -11,7 +11,7 @@ use hotspot_cost::convergence::{ErrorReport, ReferenceFacts, Run, SCHEMA};
 use hotspot_cost::exr_io::Limits;
 use hotspot_cost::maps::{Curve, HeatOptions, LogPlot, heat_map, write_atomic, write_png};
 use hotspot_cost::picture_error::{Picture, PictureError, Reference, error_by_pixel};
-use hotspot_cost::{LayerOptions, Layers, stats};
+use hotspot_cost::{LayerOptions, stats};
 use hotspot_integrator::{Control, Gather, Rendered, Roulette, SamplerKind, Settings, Stop};
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -180,7 +180,7 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Fail> {
                     "interrupted while the reference was rendered: nothing to save",
                 ));
             }
-            let layers = Layers::from_frame(&rendered.frame, &picture_only());
+            let layers = stage.layers(&rendered, &picture_only());
             let reference = Reference::of_layers(&layers, "the reference")?.into_owned();
             let facts = ReferenceFacts {
                 file: None,
@@ -223,7 +223,7 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Fail> {
                 if rendered.stop == Stop::Cancelled {
                     break 'all;
                 }
-                let layers = Layers::from_frame(&rendered.frame, &picture_only());
+                let layers = stage.layers(&rendered, &picture_only());
                 let picture = Picture::of_layers(&layers, "the render")?;
                 report.threads = rendered.threads as u32;
                 report.runs.push(Run {

@@ -22,7 +22,7 @@ use hotspot_cost::maps::write_atomic;
 use hotspot_cost::prediction::{
     Budget, Interval, PREDICT_SCHEMA, Pilot, Pilots, Prediction, Seconds, seconds,
 };
-use hotspot_cost::{CostModel, LayerOptions, Layers, Ledgers, Metric, MetricSet, hotspots};
+use hotspot_cost::{CostModel, LayerOptions, Ledgers, Metric, MetricSet, hotspots};
 use hotspot_integrator::{Control, Gather, Rendered, Settings, Stop, Waves};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -353,24 +353,20 @@ fn write_outputs(
     let start = Instant::now();
     let metrics = if args.plain { MetricSet::NONE } else { MetricSet::ALL };
     let options = LayerOptions { model, metrics, ..LayerOptions::default() };
-    let layers = Layers::from_frame(&rendered.frame, &options);
+    let layers = stage.layers(rendered, &options);
     let mut document = stage.document(rendered, &options);
     let objects = hotspots::first_objects(&rendered.frame);
     if layers.metric(Metric::Intersection).is_some() {
-        document.hotspots = hotspots::of_frame_layers(
-            &rendered.frame,
-            &layers,
-            model,
-            &objects,
-            stage.prepared.objects(),
-            12,
-        );
+        let of = (&rendered.frame, stage.prepared.objects());
+        document.hotspots =
+            stage.install(|| hotspots::of_frame_layers(of.0, &layers, model, &objects, of.1, 12));
     }
     if let (Some(ledgers), Some(cost)) = (ledgers, layers.metric(Metric::Intersection)) {
         document.ledgers = Some(ledgers.clone().shortened());
         causes::explain(stage, settings, model, (cost, &objects), &mut document.hotspots);
     }
-    writer.render(Output {
+    let triangles = stage.prepared.object_triangles();
+    let output = Output {
         stem: &stage.name,
         layers: &layers,
         document: &mut document,
@@ -379,10 +375,11 @@ fn write_outputs(
         object_names: stage.prepared.objects(),
         materials: &[],
         material_names: &[],
-        object_triangles: &stage.prepared.object_triangles(),
+        object_triangles: &triangles,
         ledgers,
         write_exr: true,
-    })?;
+    };
+    stage.install(|| writer.render(output))?;
     Ok(start.elapsed().as_secs_f64())
 }
 

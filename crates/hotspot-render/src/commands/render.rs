@@ -96,7 +96,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
         var: args.layers.contains(&LayersArg::Var),
     };
     talker.say("sampling done; writing layers, maps and the report");
-    let mut layers = Layers::from_frame(&rendered.frame, &options);
+    let mut layers = stage.layers(&rendered, &options);
     let mut tree_noise = None;
     if let Some((trees, scene)) = scene.filter(|_| settings.gather.cost) {
         talker.say(&format!("measuring tree noise over {trees} further trees"));
@@ -120,7 +120,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
     }
     note_non_finite(&talker, &rendered, &mut document);
     if settings.gather.cost {
-        document.hotspots = find_hotspots(model, &settings, &rendered, &layers, &objects, prepared);
+        document.hotspots =
+            stage.install(|| find_hotspots(model, &settings, &rendered, &layers, &objects, prepared));
         document.verdict = hotspots::verdict(&document.hotspots);
         document.render.causes_seconds =
             find_causes(model, &stage, (&settings, &rendered), &layers, &objects, &mut document.hotspots);
@@ -130,7 +131,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
 
     let size = (settings.width, settings.height);
     let header = Header { attributes, ..header(&stage.camera, size, &rendered, &document) };
-    let page = writer.render(Output {
+    let output = Output {
         stem: &stage.name,
         layers: &layers,
         document: &mut document,
@@ -142,7 +143,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Fail> {
         object_triangles: &prepared.object_triangles(),
         ledgers: rendered.ledgers.as_ref(),
         write_exr: true,
-    })?;
+    };
+    let page = stage.install(|| writer.render(output))?;
     for file in &page.files {
         talker.say(&format!("wrote {file}"));
     }

@@ -6,9 +6,11 @@ use crate::fail::Fail;
 use crate::ledgers::ledger_tables;
 use hotspot_cost::document::View;
 use hotspot_cost::exr_io::{self, Header};
-use hotspot_cost::maps::{Beauty, HeatOptions, heat_map, write_atomic, write_png};
+use hotspot_cost::maps::{Beauty, HeatOptions, encode_png, heat_map, write_atomic};
 use hotspot_cost::report::{CardTry, Fact, HotspotCard, MapLayer, ObjectLayer, ReportInput, html};
 use hotspot_cost::{Document, Layers, Ledgers, Metric, Rect, WhatIf, hotspots};
+use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -45,7 +47,7 @@ struct PageParts<'a> {
 }
 
 impl Writer<'_> {
-    /// Writes all outputs of a render.
+    /// Writes all outputs of a render. Works in the caller's thread pool.
     pub(crate) fn render(&self, output: Output<'_>) -> Result<Written, Fail> {
         let Output {
             stem,
@@ -74,11 +76,9 @@ impl Writer<'_> {
                 exposure_ev: Some(picture.ev.into()),
                 ..View::default()
             });
-            pictures.push((file, picture.image.clone(), "the picture".to_owned()));
+            pictures.push((file, Cow::Borrowed(&picture.image), "the picture".to_owned()));
         }
-        for metric in self.shown(layers) {
-            let Some(values) = layers.metric(metric) else { continue };
-            let file = path(&format!(".{}.png", metric.layer()));
+        let draw = |metric: Metric| {
             let options = HeatOptions {
                 label: metric.label().to_owned(),
                 unit: unit_in(document, metric),
@@ -86,7 +86,11 @@ impl Writer<'_> {
                 scale: self.scale(metric.name()),
                 despike: metric == Metric::TimeUs,
             };
-            let map = heat_map(layers.width, layers.height, values, &options);
+            Some((metric, heat_map(layers.width, layers.height, layers.metric(metric)?, &options)))
+        };
+        let maps: Vec<_> = self.shown(layers).into_par_iter().filter_map(draw).collect();
+        for (metric, map) in maps {
+            let file = path(&format!(".{}.png", metric.layer()));
             document.views.push(View {
                 file: file_name(&file),
                 metric: Some(metric.name().to_owned()),
@@ -94,15 +98,37 @@ impl Writer<'_> {
                 exposure_ev: None,
                 altered: altered(&map),
             });
-            pictures.push((file, map.image, format!("heat map, {}", metric.label())));
+            pictures.push((file, Cow::Owned(map.image), format!("heat map, {}", metric.label())));
         }
 
         let mut files = Vec::new();
         let json = document.to_json();
+        let page = path(".html");
+        let parts = PageParts {
+            title: stem,
+            layers,
+            document,
+            objects,
+            object_names,
+            materials,
+            material_names,
+            object_triangles,
+        };
+        // Side by side, but for the order in which files come to be.
+        let exr = path(".exr");
+        let write_layers = || {
+            if write_exr {
+                exr_io::write(&exr, layers, &Header { json: json.clone(), ..header })
+            } else {
+                Ok(())
+            }
+        };
+        let pngs = || pictures.par_iter().map(|(_, image, _)| encode_png(image)).collect::<Vec<_>>();
+        let text = || self.page(&parts, picture.as_ref());
+        let (written, (pngs, text)) = rayon::join(write_layers, || rayon::join(pngs, text));
+        written?;
         if write_exr {
-            let file = path(".exr");
-            exr_io::write(&file, layers, &Header { json: json.clone(), ..header })?;
-            files.push(format!("{}: radiance and every cost layer", file.display()));
+            files.push(format!("{}: radiance and every cost layer", exr.display()));
         }
         let file = path(".json");
         write_atomic(&file, json.as_bytes())?;
@@ -118,22 +144,10 @@ impl Writer<'_> {
                 files.push(format!("{}: {what}", file.display()));
             }
         }
-        for (file, image, what) in pictures {
-            write_png(&file, &image)?;
+        for ((file, _, what), png) in pictures.iter().zip(pngs) {
+            write_atomic(file, &png?)?;
             files.push(format!("{}: {what}", file.display()));
         }
-        let page = path(".html");
-        let parts = PageParts {
-            title: stem,
-            layers,
-            document,
-            objects,
-            object_names,
-            materials,
-            material_names,
-            object_triangles,
-        };
-        let text = self.page(&parts, picture);
         write_atomic(&page, text.as_bytes())?;
         files.push(format!("{}: the report", page.display()));
         Ok(Written { files, page })
@@ -163,13 +177,11 @@ impl Writer<'_> {
         }
     }
 
-    fn page(&self, parts: &PageParts<'_>, picture: Option<Beauty>) -> String {
+    fn page(&self, parts: &PageParts<'_>, picture: Option<&Beauty>) -> String {
         let PageParts { title, layers, document, object_triangles, .. } = *parts;
         let measured = self.measured(document);
-        let beauty = picture.map_or_else(
-            || image::RgbImage::from_pixel(layers.width, layers.height, image::Rgb([40, 40, 44])),
-            |p| p.image,
-        );
+        let blank = || image::RgbImage::from_pixel(layers.width, layers.height, image::Rgb([40, 40, 44]));
+        let beauty = picture.map_or_else(|| Cow::Owned(blank()), |picture| Cow::Borrowed(&picture.image));
         let mut metrics: Vec<Metric> = MAIN.into_iter().filter(|m| layers.metric(*m).is_some()).collect();
         for metric in layers.metrics() {
             if !metrics.contains(&metric) {

@@ -267,7 +267,7 @@ impl Run<'_> {
         let mut document = self.stage.document_over(over, &rendered, &self.options);
         document.settings = self.stage.described(&settings);
         Ok(Version {
-            layers: Layers::from_frame(&rendered.frame, &self.options),
+            layers: self.stage.layers(&rendered, &self.options),
             document,
             rendered,
             settings,
@@ -301,7 +301,7 @@ impl Run<'_> {
         for number in 1..=u64::from(self.args.tree_noise) {
             let one = |scene: &Scene, settings: &Settings| -> Result<Layers, Fail> {
                 let prepared = self.args.open.prepare_over_tree(scene, Some(number))?;
-                Ok(Layers::from_frame(&self.render(&prepared, settings)?.frame, &options))
+                Ok(self.stage.layers(&self.render(&prepared, settings)?, &options))
             };
             spread.add_pair(&one(self.scene, &settings[0])?, &one(edited, &settings[1])?);
         }
