@@ -60,14 +60,26 @@ pub fn totals(frame: &Frame, metrics: MetricSet, model: CostModel) -> BTreeMap<S
     if !frame.desc().cost {
         return BTreeMap::new();
     }
+    // Of two kinds: paths that were counted, and that were timed.
+    let (counted, timed) = frame.costs().fold((0, 0), |(counted, timed), pixel| {
+        (counted + Metric::Rays.samples(pixel), timed + Metric::TimeUs.samples(pixel))
+    });
+    let of = |metric: Metric| {
+        let samples = if metric == Metric::TimeUs { timed } else { counted };
+        (metric.name().to_owned(), total_over(frame, metric, model, samples))
+    };
     let metrics: Vec<Metric> = metrics.iter().collect();
-    metrics.into_par_iter().map(|metric| (metric.name().to_owned(), total(frame, metric, model))).collect()
+    metrics.into_par_iter().with_max_len(1).map(of).collect()
 }
 
 /// The total of one metric.
 pub fn total(frame: &Frame, metric: Metric, model: CostModel) -> Total {
+    total_over(frame, metric, model, frame.costs().map(|pixel| metric.samples(pixel)).sum())
+}
+
+/// The same over so many samples.
+fn total_over(frame: &Frame, metric: Metric, model: CostModel, samples: u64) -> Total {
     let sum = metric.total(frame.costs(), model);
-    let samples: u64 = frame.costs().map(|pixel| metric.samples(pixel)).sum();
     with_interval(frame, || frame.pixels(), metric, model, sum, samples)
 }
 

@@ -81,7 +81,7 @@ impl WithSimd for Ask<'_> {
                 u: u[lane],
                 v: v[lane],
                 primitive: primitive[lane],
-                instance: crate::NO_INSTANCE,
+                instance: NO_INSTANCE,
                 normal: vector(&normal, lane),
             })
         };

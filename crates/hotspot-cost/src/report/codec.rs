@@ -72,13 +72,26 @@ struct Quantiser {
 
 impl Quantiser {
     fn quantum(&self, v: f32) -> u16 {
-        if v.is_finite() {
-            let place = ((f64::from(v) / self.knee).asinh() - self.start) * self.scale;
+        self.quantum_of(curved(v, self.knee))
+    }
+
+    /// The same of a value that is curved.
+    fn quantum_of(&self, curved: f64) -> u16 {
+        if curved.is_finite() {
+            let place = (curved - self.start) * self.scale;
             place.round().clamp(0.0, f64::from(self.steps)) as u16
         } else {
             self.steps as u16 + 1
         }
     }
+}
+
+/// asinh(v / knee), not finite where v is not. Its error is that of a logarithm, small beside any step, and it takes a third of the time of
+/// the library's, which is exact for small values too. Knees are at least a millionth of the largest value, so squares stay in range.
+fn curved(v: f32, knee: f64) -> f64 {
+    let x = f64::from(v) / knee;
+    let size = x.abs();
+    (size + (x * x + 1.0).sqrt()).ln().copysign(x)
 }
 
 /// A plane of amounts at `levels` steps (2 to 65 000) between its extremes; not-finite values are kept as such. `Null`
@@ -112,17 +125,20 @@ pub(super) fn estimate(width: u32, values: &[f32], levels: &[u32], spread: Sprea
         return vec![values.len() * 4; levels.len()];
     }
     let step = (rows - 1).div_ceil(ROWS);
+    let curved = |row: usize| -> Vec<f64> {
+        values[row * columns..(row + 1) * columns].iter().map(|v| curved(*v, spread.knee)).collect()
+    };
+    let pairs: Vec<_> = (1..rows).step_by(step).map(|row| [curved(row - 1), curved(row)]).collect();
     levels
         .iter()
         .map(|levels| {
             let quantiser = spread.quantiser(*levels);
             let mut histogram = [[0_u32; 256]; 2];
             let mut count = 0.0;
-            for row in (1..rows).step_by(step) {
-                let [up, own] = [row - 1, row].map(|row| {
-                    let values = &values[row * columns..(row + 1) * columns];
-                    values.iter().map(|v| quantiser.quantum(*v)).collect::<Vec<u16>>()
-                });
+            for pair in &pairs {
+                let [up, own] = pair
+                    .each_ref()
+                    .map(|row| row.iter().map(|v| quantiser.quantum_of(*v)).collect::<Vec<u16>>());
                 for x in 1..columns {
                     let folded = fold(own[x], own[x - 1].midpoint(up[x]));
                     for (histogram, byte) in histogram.iter_mut().zip(folded.to_le_bytes()) {

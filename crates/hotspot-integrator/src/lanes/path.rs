@@ -405,7 +405,8 @@ impl<S: Simd> Paths<S> {
             let (absorption, solid) = bsdf.absorbing();
             if solid.bits() & alive != 0 {
                 // Which side the path is on goes by the surface as it is, not as it is shaded.
-                let [from_front, to_front] = [wo, wi].map(|w| zero.less_equal(w.dot(geometric)));
+                let from_front = zero.less_equal(wo.dot(geometric));
+                let to_front = zero.less_equal(wi.dot(geometric));
                 let enters = solid & from_front.without(to_front);
                 let leaves = solid & to_front.without(from_front);
                 let inside = absorption.or_where_not(enters, self.absorption);

@@ -35,6 +35,19 @@ fn tent<S: Simd>(s: S, u: Floats<S>) -> Floats<S> {
     u.less(Floats::splat(s, 0.5)).select(below, above)
 }
 
+/// Between two texels of a row: colours, and densities.
+#[inline(always)]
+fn across<S: Simd>(
+    s: S,
+    [left, right]: &[[F8; 3]; 2],
+    density: &F8,
+    fx: Floats<S>,
+    luminance: Vectors<S>,
+) -> (Vectors<S>, Floats<S>) {
+    let color = Vectors::load(s, left).scaled(1.0 - fx) + Vectors::load(s, right).scaled(fx);
+    (color, color.dot(luminance) * Floats::load(s, density))
+}
+
 impl EnvironmentSampler {
     /// [`EnvironmentSampler::look_up`] for lanes `asked`.
     #[inline(always)]
@@ -110,12 +123,8 @@ impl EnvironmentSampler {
         let one = Floats::splat(s, 1.0);
         let (scale, luminance) = self.weights();
         let luminance = Vectors::splat(s, luminance);
-        let across = |row: usize| {
-            let [left, right] = &texels[row];
-            let color = Vectors::load(s, left).scaled(one - fx) + Vectors::load(s, right).scaled(fx);
-            (color, color.dot(luminance) * Floats::load(s, &density[row]))
-        };
-        let (above, below) = (across(0), across(1));
+        let above = across(s, &texels[0], &density[0], fx, luminance);
+        let below = across(s, &texels[1], &density[1], fx, luminance);
         let density = above.1 * (one - fy) + below.1 * fy;
         LookLanes {
             radiance: (above.0.scaled(one - fy) + below.0.scaled(fy)) * Vectors::splat(s, scale),
