@@ -26,7 +26,7 @@ use crate::exact::{difference, edge_weights, plane, widened};
 use crate::rays::{Hits, Rays};
 use crate::simd::{Doubles, Floats, Integers, Mask, Simd, Vectors};
 use crate::triangle::unit_normal;
-use face::{Equation, Face, Faces, NONE, corners, quadrangle};
+use face::{Equation, Face, Faces, NONE, Shape, Tilt, corners, quadrangle};
 
 /// See the file's header.
 const ERROR: f32 = 64.0 * 0.5 * f32::EPSILON;
@@ -97,12 +97,12 @@ impl FewTriangles {
                 .find_map(|other| Some((other, quadrangle(&first, &corners(&triangles[other]), reach)?)));
             if let Some((other, corners)) = partner {
                 paired[other] = true;
-                let (axis, face) = Face::new(&corners, [index as u32, other as u32], reach)?;
-                this.faces[axis].quadrangles.push(face);
+                let (axis, shape, face) = Face::new(&corners, [index as u32, other as u32], reach)?;
+                this.faces[axis].add(shape, face);
             } else {
                 let [a, b, c] = first;
-                let (axis, face) = Face::new(&[a, b, c, a], [index as u32, NONE], reach)?;
-                this.faces[axis].singles.push(face);
+                let (axis, shape, face) = Face::new(&[a, b, c, a], [index as u32, NONE], reach)?;
+                this.faces[axis].add(shape, face);
             }
         }
         // Normals are read four numbers at a time.
@@ -202,7 +202,7 @@ struct Scaled<S: Simd> {
     direction: Vectors<S>,
     /// What the largest component was.
     length: Floats<S>,
-    /// Whether the origin is where the bounds hold.
+    /// Whether the origin is where the bounds hold, and the direction finite.
     within: Mask<S>,
 }
 
@@ -212,8 +212,9 @@ impl<S: Simd> Scaled<S> {
         let d = rays.direction.abs();
         let length = d.x.max(d.y).max(d.z);
         let (o, reach) = (rays.origin.abs(), Floats::splat(s, reach));
-        let within = o.x.less_equal(reach) & o.y.less_equal(reach) & o.z.less_equal(reach);
         let direction = rays.direction.scaled(1.0 / length);
+        let finite = ((direction.x + direction.y + direction.z) * 0.0).is(0.0);
+        let within = o.x.less_equal(reach) & o.y.less_equal(reach) & o.z.less_equal(reach) & finite;
         Self { origin: rays.origin, direction, length, within }
     }
 }
@@ -246,15 +247,36 @@ fn components<S: Simd, const AXIS: usize>(
     }
 }
 
+/// What the planes of all level faces of an axis have in common: the reciprocal of how fast rays fall.
+#[inline(always)]
+fn level_fall<S: Simd, const AXIS: usize>(s: S, rays: &Scaled<S>) -> Floats<S> {
+    let (d, _) = components::<S, AXIS>(rays.direction);
+    1.0 / (Floats::splat(s, 0.0) - d)
+}
+
 impl<S: Simd> Meeting<S> {
+    /// Where planes tilt along fewer axes there are fewer operations with the same numbers, since coefficients of 0 change none. `level`:
+    /// [`level_fall`].
     #[inline(always)]
-    fn new<const AXIS: usize>(s: S, rays: &Scaled<S>, face: &Face) -> Self {
+    fn new<const AXIS: usize, K: Kind>(s: S, rays: &Scaled<S>, face: &Face, level: Floats<S>) -> Self {
         let (o, o_across) = components::<S, AXIS>(rays.origin);
         let (d, d_across) = components::<S, AXIS>(rays.direction);
-        let [a, b, _] = &face.plane;
-        let fall = Floats::load(s, a) * d_across.0 + Floats::load(s, b) * d_across.1 - d;
-        let height = o - value(s, &face.plane, o_across);
-        let inverse = 1.0 / fall;
+        let [a, b, c] = &face.plane;
+        let (height, inverse) = match K::TILT {
+            Tilt::None => (o - Floats::load(s, c), level),
+            Tilt::First => {
+                let height = o - (Floats::load(s, a) * o_across.0 + Floats::load(s, c));
+                (height, 1.0 / (Floats::load(s, a) * d_across.0 - d))
+            }
+            Tilt::Second => {
+                let height = o - (Floats::load(s, b) * o_across.1 + Floats::load(s, c));
+                (height, 1.0 / (Floats::load(s, b) * d_across.1 - d))
+            }
+            Tilt::Both => {
+                let fall = Floats::load(s, a) * d_across.0 + Floats::load(s, b) * d_across.1 - d;
+                (o - value(s, &face.plane, o_across), 1.0 / fall)
+            }
+        };
         let t = height * inverse;
         let error = inverse.abs() * (Floats::load(s, &face.error) + t.abs() * ERROR);
         let p = (o_across.0 + d_across.0 * t, o_across.1 + d_across.1 * t);
@@ -263,17 +285,23 @@ impl<S: Simd> Meeting<S> {
 
     /// How far from the face's edges, positive inside.
     #[inline(always)]
-    fn margin<const PAIR: bool>(&self, s: S, face: &Face) -> Floats<S> {
+    fn margin<K: Kind>(&self, s: S, face: &Face) -> Floats<S> {
+        let (x, y) = self.p;
+        if let Shape::Rectangle = K::SHAPE {
+            let [[left, right], [low, high]] = &face.extent;
+            let across = (x - Floats::load(s, left)).min(Floats::load(s, right) - x);
+            return across.min((y - Floats::load(s, low)).min(Floats::load(s, high) - y));
+        }
         let [first, second, third, fourth] = &face.edges;
         let margin = value(s, first, self.p).min(value(s, second, self.p)).min(value(s, third, self.p));
-        if PAIR { margin.min(value(s, fourth, self.p)) } else { margin }
+        if K::PAIR { margin.min(value(s, fourth, self.p)) } else { margin }
     }
 
     /// Which triangle of the face it is, and where that is sure.
     #[inline(always)]
-    fn triangle<const PAIR: bool>(&self, s: S, face: &Face) -> (Integers<S>, Mask<S>) {
+    fn triangle<K: Kind>(&self, s: S, face: &Face) -> (Integers<S>, Mask<S>) {
         let (first, second) = (Integers::splat(s, face.triangles[0]), Integers::splat(s, face.triangles[1]));
-        if PAIR {
+        if K::PAIR {
             let diagonal = value(s, &face.diagonal, self.p);
             let sure = self.error.less(diagonal.abs());
             (second.or_where_not(diagonal.less(Floats::splat(s, 0.0)), first), sure)
@@ -281,6 +309,34 @@ impl<S: Simd> Meeting<S> {
             (first, Mask::splat(s, true))
         }
     }
+}
+
+/// What loops over faces are compiled for.
+trait Kind {
+    const SHAPE: Shape;
+    const TILT: Tilt;
+    /// Whether they are two triangles each.
+    const PAIR: bool = !matches!(Self::SHAPE, Shape::Triangle);
+}
+
+macro_rules! kinds {
+    ($($name:ident: $shape:ident, $tilt:ident;)*) => {
+        $(struct $name;
+        impl Kind for $name {
+            const SHAPE: Shape = Shape::$shape;
+            const TILT: Tilt = Tilt::$tilt;
+        })*
+    };
+}
+
+kinds! {
+    Triangles: Triangle, Both;
+    Quadrangles: Quadrangle, Both;
+    LevelQuadrangles: Quadrangle, None;
+    Rectangles: Rectangle, Both;
+    RectanglesByFirst: Rectangle, First;
+    RectanglesBySecond: Rectangle, Second;
+    LevelRectangles: Rectangle, None;
 }
 
 /// The nearest of the faces that were tried.
@@ -303,35 +359,47 @@ impl<S: Simd> Nearest<S> {
         from: Integers<S>,
         active: u32,
     ) {
-        for face in &faces.quadrangles {
-            self.try_face::<AXIS, true>(s, rays, face, from, active);
-        }
-        for face in &faces.singles {
-            self.try_face::<AXIS, false>(s, rays, face, from, active);
+        let level = if faces.any_level() { level_fall::<S, AXIS>(s, rays) } else { self.least };
+        let [none, first, second, both] = &faces.rectangles;
+        self.try_kind::<AXIS, LevelRectangles>(s, rays, (none, level), from, active);
+        self.try_kind::<AXIS, RectanglesByFirst>(s, rays, (first, level), from, active);
+        self.try_kind::<AXIS, RectanglesBySecond>(s, rays, (second, level), from, active);
+        self.try_kind::<AXIS, Rectangles>(s, rays, (both, level), from, active);
+        self.try_kind::<AXIS, LevelQuadrangles>(s, rays, (&faces.level_quadrangles, level), from, active);
+        self.try_kind::<AXIS, Quadrangles>(s, rays, (&faces.quadrangles, level), from, active);
+        self.try_kind::<AXIS, Triangles>(s, rays, (&faces.triangles, level), from, active);
+    }
+
+    #[inline(always)]
+    fn try_kind<const AXIS: usize, K: Kind>(
+        &mut self,
+        s: S,
+        rays: &Scaled<S>,
+        (faces, level): (&[Face], Floats<S>),
+        from: Integers<S>,
+        active: u32,
+    ) {
+        for face in faces {
+            let meeting = Meeting::new::<AXIS, K>(s, rays, face, level);
+            self.try_face::<K>(s, &meeting, face, from, active);
         }
     }
 
     /// Written so that what is no number is doubtful.
     #[inline(always)]
-    fn try_face<const AXIS: usize, const PAIR: bool>(
-        &mut self,
-        s: S,
-        rays: &Scaled<S>,
-        face: &Face,
-        from: Integers<S>,
-        active: u32,
-    ) {
-        let meeting = Meeting::new::<AXIS>(s, rays, face);
-        let margin = meeting.margin::<PAIR>(s, face);
-        let Meeting { t, error, .. } = meeting;
+    fn try_face<K: Kind>(&mut self, s: S, meeting: &Meeting<S>, face: &Face, from: Integers<S>, active: u32) {
+        let margin = meeting.margin::<K>(s, face);
+        let Meeting { t, error, .. } = *meeting;
         let (near, far) = (t - error, t + error);
-        let away = margin.less(-error) | t.less(-error) | self.most.less(near);
+        // Of two `min` keeps the second where one is no number; where that is `t` the error is none either.
+        let inside = t.min(margin);
+        let away = inside.less(-error) | self.most.less(near);
         if !away.bits() & active == 0 {
             return;
         }
-        let (primitive, which) = meeting.triangle::<PAIR>(s, face);
+        let (primitive, which) = meeting.triangle::<K>(s, face);
         let away = away | (primitive.equal(from) & which);
-        let surely = (error.less(margin) & error.less(t) & far.less(self.least) & which).without(away);
+        let surely = (error.less(inside) & far.less(self.least) & which).without(away);
         self.doubtful |= !(away | surely).bits();
         self.least = surely.select(near, self.least);
         self.most = surely.select(far, self.most);
@@ -355,40 +423,62 @@ impl Found {
         except: [Integers<S>; 2],
         active: u32,
     ) {
-        for face in &faces.quadrangles {
-            self.try_face::<S, AXIS, true>(s, rays, face, except, active);
-        }
-        for face in &faces.singles {
-            self.try_face::<S, AXIS, false>(s, rays, face, except, active);
+        let level = if faces.any_level() { level_fall::<S, AXIS>(s, rays) } else { rays.length };
+        let [none, first, second, both] = &faces.rectangles;
+        self.try_kind::<S, AXIS, LevelRectangles>(s, rays, (none, level), except, active);
+        self.try_kind::<S, AXIS, RectanglesByFirst>(s, rays, (first, level), except, active);
+        self.try_kind::<S, AXIS, RectanglesBySecond>(s, rays, (second, level), except, active);
+        self.try_kind::<S, AXIS, Rectangles>(s, rays, (both, level), except, active);
+        self.try_kind::<S, AXIS, LevelQuadrangles>(
+            s,
+            rays,
+            (&faces.level_quadrangles, level),
+            except,
+            active,
+        );
+        self.try_kind::<S, AXIS, Quadrangles>(s, rays, (&faces.quadrangles, level), except, active);
+        self.try_kind::<S, AXIS, Triangles>(s, rays, (&faces.triangles, level), except, active);
+    }
+
+    #[inline(always)]
+    fn try_kind<S: Simd, const AXIS: usize, K: Kind>(
+        &mut self,
+        s: S,
+        rays: &Scaled<S>,
+        (faces, level): (&[Face], Floats<S>),
+        except: [Integers<S>; 2],
+        active: u32,
+    ) {
+        for face in faces {
+            let meeting = Meeting::new::<AXIS, K>(s, rays, face, level);
+            self.try_face::<S, K>(s, (&meeting, rays.length), face, except, active);
         }
     }
 
     #[inline(always)]
-    fn try_face<S: Simd, const AXIS: usize, const PAIR: bool>(
+    fn try_face<S: Simd, K: Kind>(
         &mut self,
         s: S,
-        rays: &Scaled<S>,
+        (meeting, end): (&Meeting<S>, Floats<S>),
         face: &Face,
         except: [Integers<S>; 2],
         active: u32,
     ) {
-        let meeting = Meeting::new::<AXIS>(s, rays, face);
-        let Meeting { t, error, .. } = meeting;
-        let end = rays.length;
+        let Meeting { t, error, .. } = *meeting;
         let away = t.less(-error) | end.less(t - error);
         // As walls are that a room lies on one side of.
         if !away.bits() & active == 0 {
             return;
         }
-        let margin = meeting.margin::<PAIR>(s, face);
+        let margin = meeting.margin::<K>(s, face);
         let away = away | margin.less(-error);
         if !away.bits() & active == 0 {
             return;
         }
-        let (primitive, which) = meeting.triangle::<PAIR>(s, face);
+        let (primitive, which) = meeting.triangle::<K>(s, face);
         let excepted = primitive.equal(except[0]) | primitive.equal(except[1]);
         let away = away | (excepted & which);
-        let surely = (error.less(margin) & error.less(t) & (t + error).less(end) & which).without(away);
+        let surely = (error.less(t.min(margin)) & (t + error).less(end) & which).without(away);
         self.surely |= surely.bits();
         self.perhaps |= !(away | surely).bits();
     }

@@ -17,7 +17,6 @@ use hotspot_probe::{NoProbe, Probe};
 use std::ops::Range;
 use std::time::Instant;
 
-pub(crate) use eights::SIDE_BY_SIDE;
 use eights::{EIGHTS, take_counted, take_eights};
 
 /// A camera sample whose radiance was not finite; it counts as black.
@@ -106,10 +105,10 @@ impl WithSimd for TileJob<'_> {
         // know.
         let known = (EIGHTS * self.kernel.halves as u64).clamp(start, end);
         let counted = counted.clamp(start, known);
-        if counted - start < self.kernel.least_side_by_side() {
-            self.part(start..counted).one_by_one(simd);
-        } else {
+        if self.kernel.counted_in_eights {
             take_counted(simd, &mut self.part(start..counted), lanes);
+        } else {
+            self.part(start..counted).one_by_one(simd);
         }
         take_eights(simd, &mut self.part(counted..known), lanes);
         self.part(known..end).one_by_one(simd);
@@ -117,19 +116,11 @@ impl WithSimd for TileJob<'_> {
 }
 
 impl Kernel<'_> {
-    /// Counted samples of a pixel from which on they go eight at a time.
-    pub(crate) fn least_side_by_side(&self) -> u64 {
-        if !self.counted_in_eights {
-            return u64::MAX;
-        }
-        SIDE_BY_SIDE * self.halves as u64
-    }
-
     /// Whether any of these samples go eight at a time, in a frame that counts or not.
     pub(crate) fn in_eights(&self, Range { start, end }: Range<u64>, counts: bool) -> bool {
         let known = (EIGHTS * self.halves as u64).clamp(start, end);
         let counted = if counts { self.counted.clamp(start, known) } else { start };
-        self.lanes.is_some() && (counted < known || counted - start >= self.least_side_by_side())
+        self.lanes.is_some() && (counted < known || (counted > start && self.counted_in_eights))
     }
 }
 

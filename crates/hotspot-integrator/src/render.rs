@@ -2,7 +2,7 @@
 
 use crate::adaptive::{Plan, pilot};
 use crate::camera::FilmCamera;
-use crate::kernel::{Kernel, Lost, NonFinite, SIDE_BY_SIDE, TileJob};
+use crate::kernel::{Kernel, Lost, NonFinite, TileJob};
 use crate::lanes::LaneScene;
 use crate::light::{Learned, Lessons};
 use crate::path::PathSettings;
@@ -25,9 +25,10 @@ pub struct Gather {
     pub radiance: bool,
     /// Counters.
     pub cost: bool,
-    /// Time per pixel: one clock reading per visit of a pixel, in which its samples are taken one by one or side by side, with none of
-    /// other pixels. With [`Settings::cost_spp`], visits of the counted samples alone where the others go eight at a time
-    /// ([`Rendered::eights`]), from many pixels at once. Alone (without `cost`): of paths that go one by one.
+    /// Time per pixel. Of paths that go one by one, one clock reading per visit of a pixel. Of paths that go eight at a time
+    /// ([`Rendered::eights`]) the clock is read where they change from one pixel to others; what eight of several pixels take is shared in equal
+    /// parts among them, so that with few samples per wave time is blurred over some pixels of a row. With [`Settings::cost_spp`], that of the
+    /// counted samples alone where the others go eight at a time. Alone (without `cost`): of paths that go one by one.
     pub time: bool,
     /// Trace shadow rays. Off: they are counted only, which is right where ray counts alone are asked for and no radiance
     /// is (the paper's shortcut, section 4).
@@ -240,7 +241,7 @@ pub struct Rendered {
     pub threads: usize,
     /// Name of the kernel of paths that go one by one: tree, instruction set, scene class.
     pub kernel: String,
-    /// Whether any paths went eight at a time: those of Sobol points (counted ones where a wave has at least eight of a pixel); without AVX2 only
+    /// Whether any paths went eight at a time: those of Sobol points; without AVX2 only
     /// paths that are not counted among few triangles.
     pub eights: bool,
     /// Samples whose radiance was not finite and counted as black, sorted; at most 64 per tile and wave are listed (which of more
@@ -288,32 +289,35 @@ const fn next_question(done: u64) -> u64 {
     (done / step + 1) * step
 }
 
-/// How samples are split into waves: sized to take about a second, so that a render can be stopped and shows progress. Where counted samples may
-/// go eight at a time a wave may take three seconds to have enough of a pixel's for that.
+/// How samples are split into waves: sized to take about a second, so that a render can be stopped and shows progress. Where counted samples
+/// go eight at a time a wave may take three seconds to have some of each pixel: a visit of one has a cost of its own, and times are shared with
+/// fewer others.
 #[derive(Clone, Copy, Debug)]
 pub struct Waves {
     /// Of the picture.
     pub pixels: u64,
     /// Samples per pixel in all.
     pub total: u64,
-    /// Counted samples of a pixel from which on they go eight at a time, where they may.
+    /// Counted samples of a pixel that are worth a longer wave, where they go eight at a time.
     pub least: Option<u64>,
 }
 
 impl Waves {
+    /// Of a half.
+    const LEAST: u64 = 8;
     const SECONDS: f64 = 1.0;
     const MOST_SECONDS: f64 = 3.0;
     /// Samples of all pixels that a first wave of more than four may have: as many as hardly any scene takes many seconds for.
     const MOST_AT_FIRST: u64 = 1 << 21;
 
-    /// Those of a render of so many pixels and samples of each. `eights`: whether counted paths may go eight at a time in its scene
+    /// Those of a render of so many pixels and samples of each. `eights`: whether counted paths go eight at a time in its scene
     /// ([`Rendered::eights`] says so).
     pub fn new(settings: &Settings, eights: bool) -> Self {
         let halves = if settings.intervals { 2 } else { 1 };
         let total = u64::from(settings.spp).next_multiple_of(halves);
         let counted =
             settings.cost_spp.map_or(total, |spp| total.min(u64::from(spp).next_multiple_of(halves)));
-        let least = Some(SIDE_BY_SIDE * halves);
+        let least = Some(Self::LEAST * halves);
         let least = least.filter(|least| eights && settings.gather.cost && counted >= *least);
         Self { pixels: u64::from(settings.width) * u64::from(settings.height), total, least }
     }
@@ -338,11 +342,8 @@ impl Waves {
         // Float to integer saturates.
         let within = |seconds: f64| ((seconds / seconds_per_sample.max(1e-12)) as u64).max(1);
         let wave = within(Self::SECONDS);
-        // Of twice the least, that go side by side with none of other pixels, little is lost.
-        match self.least.map(|least| (least, within(Self::MOST_SECONDS).min(2 * least))) {
-            Some((least, longer)) if longer >= least => wave.max(longer),
-            _ => wave,
-        }
+        // Of twice the least, little is lost.
+        self.least.map_or(wave, |least| wave.max(within(Self::MOST_SECONDS).min(2 * least)))
     }
 }
 

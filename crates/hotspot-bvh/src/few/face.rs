@@ -14,6 +14,25 @@ pub(super) const NONE: u32 = u32::MAX;
 /// Coefficients of two coordinates, and what is added.
 pub(super) type Equation = [F8; 3];
 
+/// What a face looks like along the axis that it faces most.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shape {
+    Triangle,
+    /// Two triangles.
+    Quadrangle,
+    /// The same with edges along the two other axes.
+    Rectangle,
+}
+
+/// Along which of the two axes that follow a plane's coordinate changes: along none where the face is level, at right angles to its axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Tilt {
+    None,
+    First,
+    Second,
+    Both,
+}
+
 /// One triangle, or two that make up a convex quadrangle. All lanes of its vectors are the same.
 #[derive(Clone, Debug)]
 pub(super) struct Face {
@@ -21,6 +40,8 @@ pub(super) struct Face {
     pub(super) plane: Equation,
     /// Distances from the edges, seen along that axis: of a single triangle the last is the diagonal.
     pub(super) edges: [Equation; 4],
+    /// Of a rectangle least and greatest coordinate, along each of the two axes that follow.
+    pub(super) extent: [[F8; 2]; 2],
     /// Distance from the diagonal, positive in the first triangle; the third edge of a single one.
     pub(super) diagonal: Equation,
     /// The part of the bound that does not depend on t.
@@ -28,11 +49,37 @@ pub(super) struct Face {
     pub(super) triangles: [u32; 2],
 }
 
-/// Faces that face one axis most.
+/// Faces that face one axis most, by kind, so that the loops over them are compiled for what each kind needs.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Faces {
+    pub(super) triangles: Vec<Face>,
     pub(super) quadrangles: Vec<Face>,
-    pub(super) singles: Vec<Face>,
+    pub(super) level_quadrangles: Vec<Face>,
+    /// By [`Tilt`].
+    pub(super) rectangles: [Vec<Face>; 4],
+}
+
+impl Faces {
+    pub(super) fn any_level(&self) -> bool {
+        !(self.level_quadrangles.is_empty() && self.rectangles[Tilt::None as usize].is_empty())
+    }
+
+    pub(super) fn add(&mut self, shape: Shape, face: Face) {
+        let [F8([a, ..]), F8([b, ..]), _] = face.plane;
+        let tilt = match (a == 0.0, b == 0.0) {
+            (true, true) => Tilt::None,
+            (false, true) => Tilt::First,
+            (true, false) => Tilt::Second,
+            (false, false) => Tilt::Both,
+        };
+        let kind = match (shape, tilt) {
+            (Shape::Triangle, _) => &mut self.triangles,
+            (Shape::Quadrangle, Tilt::None) => &mut self.level_quadrangles,
+            (Shape::Quadrangle, _) => &mut self.quadrangles,
+            (Shape::Rectangle, tilt) => &mut self.rectangles[tilt as usize],
+        };
+        kind.push(face);
+    }
 }
 
 /// The corners of a triangle, exactly.
@@ -62,8 +109,12 @@ pub(super) fn quadrangle(first: &[DVec3; 3], second: &[DVec3; 3], reach: f32) ->
 
 impl Face {
     /// `corners`: of the first triangle; the last lies beyond the edge between the second and third. Of a single triangle that is the
-    /// first once more. `None` where one of them is too narrow. The axis that it faces most as well.
-    pub(super) fn new([a, b, c, d]: &[DVec3; 4], triangles: [u32; 2], reach: f32) -> Option<(usize, Self)> {
+    /// first once more. `None` where one of them is too narrow. The axis that it faces most as well, and its shape.
+    pub(super) fn new(
+        [a, b, c, d]: &[DVec3; 4],
+        triangles: [u32; 2],
+        reach: f32,
+    ) -> Option<(usize, Shape, Self)> {
         let normal = (*b - *a).cross(*c - *a);
         let axis = (0..3).fold(0, |most, i| if normal[i].abs() > normal[most].abs() { i } else { most });
         let (first, second) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -93,14 +144,29 @@ impl Face {
         if narrow(diagonal.1) || edges.iter().any(|edge| narrow(edge.1)) {
             return None;
         }
+        let extent = [first, second].map(|axis| {
+            let along = [a, b, c, d].map(|corner| corner[axis]);
+            let least = along.into_iter().fold(f64::INFINITY, f64::min);
+            [least, along.into_iter().fold(f64::NEG_INFINITY, f64::max)]
+        });
+        // Convex with a corner each at two ends of both is at all four.
+        let square = [a, b, c, d]
+            .iter()
+            .all(|corner| extent[0].contains(&corner[first]) && extent[1].contains(&corner[second]));
+        let shape = match (pair, square) {
+            (false, _) => Shape::Triangle,
+            (true, false) => Shape::Quadrangle,
+            (true, true) => Shape::Rectangle,
+        };
         let off = if pair { 2.0 * FLAT as f32 } else { 0.0 };
         let face = Self {
             plane,
             edges: edges.map(|edge| edge.0),
             diagonal: diagonal.0,
+            extent: extent.map(|ends| ends.map(splat)),
             error: F8([(ERROR + 3.0 * off) * reach; 8]),
             triangles,
         };
-        Some((axis, face))
+        Some((axis, shape, face))
     }
 }

@@ -56,13 +56,20 @@ fn cuboid(place: impl Fn([f64; 3]) -> [f64; 3]) -> Vec<[[f32; 3]; 3]> {
     triangles
 }
 
-/// A room with two boxes in it, off its floor, one turned, and some triangles of any shape.
+/// A room with a roof and three boxes in it, one turned around an axis and one altogether, and some triangles of any shape.
 fn room(random: &mut Random, scale: f64) -> Vec<[[f32; 3]; 3]> {
     let mut all = cuboid(|p| p.map(|x| x * scale));
     all.extend(cuboid(|[x, y, z]| [0.2 + 0.2 * x, 0.02 + 0.3 * y, 0.3 + 0.25 * z].map(|x| x * scale)));
     all.extend(cuboid(|[x, y, z]| {
         [0.6 + 0.25 * x - 0.1 * z, 0.01 + 0.6 * y, 0.4 + 0.1 * x + 0.25 * z].map(|x| x * scale)
     }));
+    all.extend(cuboid(|[x, y, z]| {
+        [0.1 + 0.1 * x + 0.05 * y, 0.7 + 0.03 * x + 0.1 * y - 0.04 * z, 0.1 + 0.02 * x + 0.1 * z]
+            .map(|x| x * scale)
+    }));
+    let [a, b, c, d] = [[0.3, 0.9, 0.3], [0.3, 0.92, 0.7], [0.7, 0.97, 0.7], [0.7, 0.95, 0.3]]
+        .map(|corner: [f64; 3]| corner.map(|x| (x * scale) as f32));
+    all.extend([[a, b, c], [a, c, d]]);
     for _ in 0..6 {
         all.push([0; 3].map(|_| [0; 3].map(|_| (0.5 + 0.5 * random.signed()) * scale as f32)));
     }
@@ -79,8 +86,16 @@ fn what_is_sure_is_what_the_exact_rules_say() {
         for _ in 0..4 {
             let triangles = room(&mut random, scale);
             let Some(few) = FewTriangles::new(&triangles, 0.0) else { continue };
-            let pairs: usize = few.faces.iter().map(|faces| faces.quadrangles.len()).sum();
-            assert!(pairs >= 18, "the boxes' sides are {pairs} quadrangles");
+            let count = |of: fn(&Faces) -> usize| few.faces.iter().map(of).sum::<usize>();
+            let quadrangles = [count(|f| f.quadrangles.len()), count(|f| f.level_quadrangles.len())];
+            assert_eq!(quadrangles, [6, 2]);
+            let rectangles = [
+                count(|f| f.rectangles[0].len()),
+                count(|f| f.rectangles[1].len()),
+                count(|f| f.rectangles[2].len()),
+                count(|f| f.rectangles[3].len()),
+            ];
+            assert_eq!(rectangles, [12, 2, 2, 1]);
             for round in 0..500 {
                 let mut except = [[NONE; 8]; 2];
                 let rays: [Ray; 8] = core::array::from_fn(|lane| {
@@ -193,6 +208,19 @@ fn strange_rays_are_doubtful() {
         dispatch(Isa::Auto, Ask { few: &few, rays: &strange, except: [[NONE; 8]; 2] });
     assert_eq!((hits, doubtful), ([None; 8], 0xff));
     assert_eq!((blocked.surely, blocked.doubtful), (0, 0xff));
+    // One wall alone, whose distance does not depend on all that is no number.
+    for wall in triangles.chunks(2) {
+        let few = FewTriangles::new(wall, 0.0).expect("regular");
+        let rays = core::array::from_fn(|lane| {
+            let mut direction = if lane < 3 { [0.9, 1.0, 1.1] } else { [-0.9, -1.0, -1.1] };
+            direction[lane % 3] = f32::NAN;
+            Ray::new(inside, direction)
+        });
+        let (hits, doubtful, blocked) =
+            dispatch(Isa::Auto, Ask { few: &few, rays: &rays, except: [[NONE; 8]; 2] });
+        assert_eq!((hits, doubtful), ([None; 8], 0xff));
+        assert_eq!((blocked.surely, blocked.doubtful), (0, 0xff));
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 //! Paths that go side by side have a tally each, that is added to its pixel in the order of samples once all are done. What is told is told
 //! lane by lane, out of the way of the loop, which asks a few times a vertex whether anybody listens: so there is one loop for both.
 
+use super::clock::SharedClock;
 use crate::path::LUMINANCE;
 use crate::scene::RenderScene;
 use hotspot_bvh::lanes::LaneProbes;
@@ -36,8 +37,7 @@ pub(crate) enum Listener<'p> {
 pub(crate) struct Counted<'p> {
     pub(crate) listener: Listener<'p>,
     pub(crate) ends: &'p mut [End],
-    /// Evaluations and samplings of BSDFs, of all paths: of single ones nobody asks.
-    pub(crate) bsdfs: u32,
+    pub(crate) clock: Option<SharedClock<'p>>,
 }
 
 impl Counted<'_> {
@@ -104,10 +104,25 @@ impl Counted<'_> {
         }
     }
 
+    /// The paths of lanes `active` are about to be taken further.
+    #[inline(always)]
+    pub(super) fn step<S: Simd>(&mut self, s: S, number: Integers<S>, active: u32) {
+        if let Some(clock) = &mut self.clock {
+            clock.step(s, number, active);
+        }
+    }
+
     /// BSDFs were evaluated or sampled in lanes `asked`.
     #[inline(always)]
-    pub(super) fn bsdfs(&mut self, asked: u32) {
-        self.bsdfs += asked.count_ones();
+    pub(super) fn bsdfs<S: Simd>(&mut self, number: Integers<S>, asked: u32) {
+        self.bsdfs_each(&number.store(), asked);
+    }
+
+    #[inline(never)]
+    fn bsdfs_each(&mut self, number: &U8, asked: u32) {
+        for lane in Lanes(asked) {
+            self.path(number.0[lane]).bsdf(1);
+        }
     }
 
     /// Textures were looked up.

@@ -5,10 +5,11 @@
 //! all triangles at once ([`hotspot_bvh::few`]); in others each searches the tree by itself ([`tree`]). Each formula is that of the single
 //! path ([`crate::path`]), in the same order of operations, so pictures are the same bit for bit.
 //!
-//! Paths that are counted ([`counts`]) go eight at a time as well, where a wave has at least eight of a pixel's half: each of their rays searches the
-//! tree, and all that go side by side are of one visit of it, so that its time can be read when they are done.
+//! Paths that are counted ([`counts`]) go eight at a time as well: each of their rays searches the tree, and time is shared out among their pixels
+//! ([`clock`]).
 
 mod bsdf;
+mod clock;
 mod counts;
 pub(crate) mod math;
 mod path;
@@ -24,6 +25,7 @@ use crate::geometry::{Part, SurfacePoint};
 use crate::light::LightLanes;
 use crate::scene::RenderScene;
 use bsdf::{BUMPY, GLOWS, Kind, VARIES};
+pub(crate) use clock::SharedClock;
 pub(crate) use counts::{Counted, End, Listener};
 use glam::Vec3;
 use hotspot_bvh::few::FewTriangles;

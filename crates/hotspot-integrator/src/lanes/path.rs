@@ -164,6 +164,9 @@ pub(crate) fn trace_samples<S: Simd, C: Class>(
             return;
         }
         let all = (1 << count) - 1;
+        if let Some(counted) = &mut counted {
+            counted.step(s, paths.number, all);
+        }
         let alive = paths.step::<C>(s, view, all, known, counted.as_deref_mut());
         let ended = all & !alive;
         if ended != 0 {
@@ -375,7 +378,7 @@ impl<S: Simd> Paths<S> {
         // The BSDF's direction.
         let sample = bsdf.sample::<C>(s, local_wo, [u, v], alive);
         if let Some(counted) = &mut counted {
-            counted.bsdfs(alive);
+            counted.bsdfs(self.number, alive);
             counted.end(Cause::Absorbed, self.number, max_element(self.throughput), alive & !sample.there);
         }
         alive &= sample.there;
@@ -560,7 +563,7 @@ impl<S: Simd> Paths<S> {
             return;
         }
         if let Some(counted) = &mut counted {
-            counted.bsdfs(light.there);
+            counted.bsdfs(self.number, light.there);
         }
         let wi = vertex.frame.to_local(light.wi);
         let (f_cos, mut pdf) = vertex.bsdf.eval::<C>(s, vertex.local_wo, wi, light.there);

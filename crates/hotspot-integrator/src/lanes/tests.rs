@@ -122,11 +122,12 @@ fn counts_of_kind_agree(
     camera: &Camera,
     ledgers: bool,
 ) {
-    // So many that a pixel's are taken side by side, and some lanes are left over.
+    // At once, and some by some, so that few of a pixel go with those of others.
     let spp = settings.spp.max(17).next_multiple_of(2);
+    let first_wave = Some(if ledgers { spp } else { 3 });
     let of = |packets| {
         let gather = Gather { time: ledgers, ..Gather::ALL };
-        let settings = Settings { packets, gather, spp, ledgers, first_wave: Some(spp), ..settings.clone() };
+        let settings = Settings { packets, gather, spp, ledgers, first_wave, ..settings.clone() };
         let rendered = render(ready, camera, &settings, Control::default());
         assert_eq!(rendered.eights, packets, "{name}");
         let costs = rendered.frame.costs().map(|pixel| {
@@ -542,8 +543,27 @@ fn other_renders_go_path_by_path() {
 
     let independent = Settings { sampler: SamplerKind::Independent, ..few.clone() };
     let clocked = Settings { gather: Gather { time: true, ..Gather::RADIANCE }, ..few.clone() };
-    for other in [independent, clocked, counted(7)] {
+    for other in [independent, clocked] {
         assert!(!goes(&scene, &other), "{other:?}");
     }
-    assert!(goes(&scene, &counted(8)));
+    assert!(goes(&scene, &counted(1)));
+}
+
+/// All samples are timed, and no time is given out twice.
+#[test]
+fn time_is_shared_out() {
+    let ready = prepare(&room(2, 1.0), Isa::Auto);
+    for (spp, wave, intervals) in [(1, 1, false), (7, 3, false), (600, 600, false), (20, 4, true)] {
+        let first_wave = Some(wave);
+        let settings = Settings { gather: Gather::ALL, spp, first_wave, intervals, ..settings(spp) };
+        let rendered = render(&ready, &camera(1.0, false), &settings, Control::default());
+        assert!(rendered.eights);
+        let mut all = 0;
+        for pixel in rendered.frame.costs() {
+            assert_eq!(pixel.time_samples, pixel.samples, "{spp} samples");
+            all += pixel.time_ns;
+        }
+        let most = rendered.seconds * rendered.threads as f64;
+        assert!(all > 0 && all as f64 * 1e-9 <= most, "{all} ns in {most} s");
+    }
 }

@@ -479,7 +479,7 @@ mod tests {
         let eights = |spp, layer| waves(layer, of(spp, Some(8)));
         assert_eq!((eights(64, 0.15), eights(64, 5.0), eights(64, 1e-4), eights(13, 5.0)), (5, 57, 2, 1));
         let large = Waves { pixels: 1 << 20, ..of(64, Some(8)) };
-        assert_eq!((large.first(), large.next(0.3), large.next(0.5)), (4, 10, 2));
+        assert_eq!((large.first(), large.next(0.3), large.next(0.5)), (4, 10, 6));
         assert_eq!(visit(64, 0.3), 3);
         // One visit for what fits the first wave; two for a small picture.
         assert_eq!(visit(3, 0.3), 3);
