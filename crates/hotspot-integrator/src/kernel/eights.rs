@@ -107,6 +107,9 @@ pub(super) fn take_eights<S: Simd>(simd: S, job: &mut TileJob<'_>, lanes: &LaneS
 /// The samples of a job, all of which are counted.
 pub(super) fn take_counted<S: Simd>(simd: S, job: &mut TileJob<'_>, lanes: &LaneScene) {
     let samples = job.samples.clone();
+    if samples.is_empty() {
+        return;
+    }
     let mut counting = CountedList::new(job.kernel.clock);
     for mut visit in Visit::all(job.tile.rect(), &samples, job.plan, job.kernel.halves) {
         while !visit.range.is_empty() {
