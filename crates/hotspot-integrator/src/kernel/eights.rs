@@ -4,7 +4,8 @@ use super::{Kept, Kernel, TileJob, of_half};
 use crate::adaptive::Plan;
 use crate::class::{FullClass, Learning, LobesClass, MatteClass, SceneClass};
 use crate::lanes::{
-    Counted, End, LaneScene, Listener, SampleList, SharedClock, View, points_table, trace_samples,
+    Counted, End, INTERRUPTION, LaneScene, Listener, SampleList, SharedClock, View, passed, points_table,
+    trace_samples,
 };
 use crate::sampler::pixel_key;
 use glam::Vec3;
@@ -174,9 +175,7 @@ impl CountedList {
         let clock = since.map(|_| SharedClock::new(visit_of, spent));
         let mut counted = Counted { listener, ends, clock };
         take_list(simd, job.kernel, lanes, list, found, Some(&mut counted));
-        if let Some(clock) = &mut counted.clock {
-            clock.read();
-        }
+        let mut last = counted.clock.as_mut().map(SharedClock::read);
         let mut at = 0;
         for (number, visit) in visits.iter().enumerate() {
             if let Some(next) = visits.get(number + 1)
@@ -191,13 +190,18 @@ impl CountedList {
             at = these.end;
             let found = found[these.clone()].iter().zip(&mut tallies[these.clone()]).zip(&ends[these]);
             keep_counted(simd, job, visit, found);
+            if let Some(last) = &mut last {
+                spent[number] += passed(last);
+            }
         }
-        if let Some(since) = since {
-            let now = Instant::now();
-            let all = now.duration_since(*since).as_nanos() as u64;
-            *since = now;
-            // What is nobody's, such as what it takes to keep them, is everybody's.
+        if let (Some(since), Some(last)) = (since, last) {
+            let all = last.duration_since(*since).as_nanos() as u64;
+            *since = last;
+            // What is nobody's, such as what it takes to make the list, is everybody's, unless it is an interruption.
             let mut rest = all.saturating_sub(spent.iter().sum());
+            if rest > INTERRUPTION {
+                spent[0] += std::mem::take(&mut rest);
+            }
             let mut samples = list.len() as u64;
             for (visit, spent) in visits.iter().zip(&*spent) {
                 let Visit { x, y, half, .. } = *visit;

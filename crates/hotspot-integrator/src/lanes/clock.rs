@@ -2,9 +2,23 @@
 //!
 //! A clock reading takes some twenty nanoseconds and a step of eight paths a few hundred at least. So the clock is read where steps change from the
 //! paths of one visit to those of another, and between steps that take paths of several; time of such a step goes to its paths in equal parts.
+//!
+//! Where the machine does something else meanwhile, one pixel gets the time, as where paths go one by one: among many its like is found and left out
+//! of views, while some pixels side by side would look as if they were dear.
 
 use hotspot_bvh::simd::{Floats, Integers, Lanes, Simd, U8};
 use std::time::Instant;
+
+/// Nanoseconds that no step takes, nor anything else that is shared out: what does was interrupted.
+pub(crate) const INTERRUPTION: u64 = 250_000;
+
+/// Nanoseconds since a reading, which becomes the present one.
+pub(crate) fn passed(since: &mut Instant) -> u64 {
+    let now = Instant::now();
+    let passed = now.duration_since(*since).as_nanos() as u64;
+    *since = now;
+    passed
+}
 
 /// Shares out time.
 #[derive(Debug)]
@@ -58,18 +72,18 @@ impl<'a> SharedClock<'a> {
         }
     }
 
-    /// Shares out what has passed.
-    pub(crate) fn read(&mut self) {
-        let now = Instant::now();
-        let passed = now.duration_since(self.since).as_nanos() as u64;
-        self.since = now;
+    /// Shares out what has passed; now.
+    pub(crate) fn read(&mut self) -> Instant {
+        let passed = passed(&mut self.since);
         self.share(passed);
+        self.since
     }
 
     fn share(&mut self, mut passed: u64) {
-        for (at, visit) in self.party[..self.count].iter().enumerate() {
+        let count = if passed > INTERRUPTION { self.count.min(1) } else { self.count };
+        for (at, visit) in self.party[..count].iter().enumerate() {
             // What division leaves goes to the last ones.
-            let share = passed / (self.count - at) as u64;
+            let share = passed / (count - at) as u64;
             self.spent[*visit as usize] += share;
             passed -= share;
         }
@@ -102,6 +116,7 @@ mod tests {
         step(0b11_1111, 5);
         step(0b10_0000, 7);
         step(0b1_1000, 4);
-        assert_eq!(spent, [101 + 30 + 2, 20 + 2 + 4, 11 + 1 + 7]);
+        step(0b11_0000, INTERRUPTION + 1);
+        assert_eq!(spent, [101 + 30 + 2, 20 + 2 + 4 + INTERRUPTION + 1, 11 + 1 + 7]);
     }
 }

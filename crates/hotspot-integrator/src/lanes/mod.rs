@@ -25,7 +25,7 @@ use crate::geometry::{Part, SurfacePoint};
 use crate::light::LightLanes;
 use crate::scene::RenderScene;
 use bsdf::{BUMPY, GLOWS, Kind, VARIES};
-pub(crate) use clock::SharedClock;
+pub(crate) use clock::{INTERRUPTION, SharedClock, passed};
 pub(crate) use counts::{Counted, End, Listener};
 use glam::Vec3;
 use hotspot_bvh::few::FewTriangles;
