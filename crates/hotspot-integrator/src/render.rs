@@ -27,7 +27,7 @@ pub struct Gather {
     pub cost: bool,
     /// Time per pixel. Of paths that go one by one, one clock reading per visit of a pixel. Of paths that go eight at a time
     /// ([`Rendered::eights`]) the clock is read where they change from one pixel to others; what eight of several pixels take is shared in equal
-    /// parts among them, so that with few samples per wave time is blurred over some pixels of a row. With [`Settings::cost_spp`], that of the
+    /// parts among them, so that with few samples per wave time is blurred over pixels beside each other. With [`Settings::cost_spp`], that of the
     /// counted samples alone where the others go eight at a time. Alone (without `cost`): of paths that go one by one.
     pub time: bool,
     /// Trace shadow rays. Off: they are counted only, which is right where ray counts alone are asked for and no radiance
@@ -325,7 +325,7 @@ impl Waves {
     /// Samples per pixel of the first wave of a render without a time limit.
     pub fn first(&self) -> u64 {
         match self.least {
-            // None are left that are too few.
+            // No wave is left that has fewer.
             Some(least) if self.pixels * least <= Self::MOST_AT_FIRST => {
                 if self.total < 2 * least {
                     self.total

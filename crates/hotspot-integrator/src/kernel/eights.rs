@@ -50,24 +50,23 @@ impl Visit {
         (self.range.end - self.range.start) as usize
     }
 
-    /// Those of a job that have any samples, half by half, pixel by pixel and block by block.
+    /// Those of a job that have any samples: block by block, half by half, pixel by pixel. Halves of a pixel do not go beside each other, so that
+    /// their times tell apart what they took.
     fn all<'a>(
         rect: Rect,
         samples: &'a Range<u64>,
         plan: Option<&'a Plan>,
         halves: usize,
     ) -> impl Iterator<Item = Self> + use<'a> {
-        let of_pixel = move |(x, y)| {
+        let of_pixel = move |(x, y), half| {
             let end = plan.map_or(samples.end, |plan| samples.end.min(plan.target(x, y)));
             let samples = samples.start..end.max(samples.start);
-            (0..halves).map(move |half| Self {
-                x,
-                y,
-                half,
-                range: of_half(&samples, half as u64, halves as u64),
-            })
+            Self { x, y, half, range: of_half(&samples, half as u64, halves as u64) }
         };
-        blocks(rect).flat_map(Rect::pixels).flat_map(of_pixel).filter(|visit| !visit.range.is_empty())
+        let of_block = move |block: Rect| {
+            (0..halves).flat_map(move |half| block.pixels().map(move |pixel| of_pixel(pixel, half)))
+        };
+        blocks(rect).flat_map(of_block).filter(|visit| !visit.range.is_empty())
     }
 
     /// Puts its first samples on a list, at most so many, and takes them off; they.
@@ -198,8 +197,9 @@ impl CountedList {
             let all = last.duration_since(*since).as_nanos() as u64;
             *since = last;
             // What is nobody's, such as what it takes to make the list, is everybody's, unless it is an interruption.
-            let mut rest = all.saturating_sub(spent.iter().sum());
-            if rest > INTERRUPTION {
+            let told: u64 = spent.iter().sum();
+            let mut rest = all.saturating_sub(told);
+            if rest > INTERRUPTION.max(told / 4) {
                 spent[0] += std::mem::take(&mut rest);
             }
             let mut samples = list.len() as u64;

@@ -9,7 +9,8 @@
 use hotspot_bvh::simd::{Floats, Integers, Lanes, Simd, U8};
 use std::time::Instant;
 
-/// Nanoseconds that no step takes, nor anything else that is shared out: what does was interrupted.
+/// Nanoseconds that hardly any step takes, nor anything else that is shared out: what does, and is much longer than the like before it, was
+/// interrupted.
 pub(crate) const INTERRUPTION: u64 = 250_000;
 
 /// Nanoseconds since a reading, which becomes the present one.
@@ -34,13 +35,15 @@ pub(crate) struct SharedClock<'a> {
     /// Where they are of one visit, its first path and the one behind its last, as floats: of other paths none is as large as the first and below the
     /// second.
     alone: [f32; 2],
+    /// What the last step of several visits took.
+    before: u64,
     since: Instant,
 }
 
 impl<'a> SharedClock<'a> {
     /// A clock for paths of these visits, whose nanoseconds it adds to `spent`; what passes before the first step is nobody's.
     pub(crate) fn new(visits: &'a [u32], spent: &'a mut [u64]) -> Self {
-        Self { visits, spent, party: [0; 8], count: 0, alone: [0.0; 2], since: Instant::now() }
+        Self { visits, spent, party: [0; 8], count: 0, alone: [0.0; 2], before: 0, since: Instant::now() }
     }
 
     /// The paths of lanes `active`, of these numbers, are about to be taken further.
@@ -80,7 +83,11 @@ impl<'a> SharedClock<'a> {
     }
 
     fn share(&mut self, mut passed: u64) {
-        let count = if passed > INTERRUPTION { self.count.min(1) } else { self.count };
+        let interrupted = passed > INTERRUPTION.max(8 * self.before);
+        let count = if interrupted { self.count.min(1) } else { self.count };
+        if self.count > 1 {
+            self.before = passed;
+        }
         for (at, visit) in self.party[..count].iter().enumerate() {
             // What division leaves goes to the last ones.
             let share = passed / (count - at) as u64;
@@ -116,7 +123,33 @@ mod tests {
         step(0b11_1111, 5);
         step(0b10_0000, 7);
         step(0b1_1000, 4);
+        // An interruption, then steps as long as that.
         step(0b11_0000, INTERRUPTION + 1);
-        assert_eq!(spent, [101 + 30 + 2, 20 + 2 + 4 + INTERRUPTION + 1, 11 + 1 + 7]);
+        step(0b11_0000, INTERRUPTION + 3);
+        let half = INTERRUPTION / 2 + 1;
+        assert_eq!(spent, [101 + 30 + 2, 20 + 2 + 4 + INTERRUPTION + 1 + half, 11 + 1 + 7 + half + 1]);
+    }
+
+    /// The time up to a change is that of those who were taken further until then.
+    #[test]
+    fn changes_read_the_clock() {
+        let visits = [0, 0, 1, 1];
+        let mut spent = [0; 2];
+        let mut clock = SharedClock::new(&visits, &mut spent);
+        let numbers = Integers::load(Portable, &U8([0, 1, 2, 3, 99, 99, 99, 99]));
+        let mut step = |active, passed| {
+            if let Some(since) = clock.since.checked_sub(Duration::from_secs(passed)) {
+                clock.since = since;
+            }
+            clock.step(Portable, numbers, active);
+        };
+        // What passes before each: nobody's, the first visit's twice, the other's.
+        step(0b11, 300);
+        step(0b1, 20);
+        step(0b1100, 20);
+        step(0b110, 100);
+        clock.read();
+        let seconds = spent.map(|spent| spent / 1_000_000_000);
+        assert!((40..100).contains(&seconds[0]) && (100..160).contains(&seconds[1]), "{spent:?}");
     }
 }
