@@ -123,9 +123,9 @@ mod tests {
         step(0b11_1111, 5);
         step(0b10_0000, 7);
         step(0b1_1000, 4);
-        // An interruption, then steps as long as that.
+        // An interruption, then a step as long as that.
         step(0b11_0000, INTERRUPTION + 1);
-        step(0b11_0000, INTERRUPTION + 3);
+        clock.share(INTERRUPTION + 3);
         let half = INTERRUPTION / 2 + 1;
         assert_eq!(spent, [101 + 30 + 2, 20 + 2 + 4 + INTERRUPTION + 1 + half, 11 + 1 + 7 + half + 1]);
     }
