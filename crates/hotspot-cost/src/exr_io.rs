@@ -109,8 +109,8 @@ pub fn write(path: &Path, layers: &Layers, header: &Header) -> Result<()> {
     Ok(())
 }
 
-/// Blocks that are compressed before the next are, and held meanwhile.
-const BLOCKS: usize = 64;
+/// Blocks for each thread that are compressed before the next are, and held meanwhile.
+const BLOCKS: usize = 4;
 
 /// Compresses and writes all blocks: those of a batch side by side in the caller's thread pool (the library would start one of its own), written
 /// in order.
@@ -122,7 +122,7 @@ fn write_blocks(
     let pixels = image.layer_data.create_writer(&headers);
     exr::block::write(writer, headers, true, |meta, chunks| {
         let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
-        for batch in blocks.chunks(BLOCKS) {
+        for batch in blocks.chunks(BLOCKS * rayon::current_num_threads()) {
             let compressed: Vec<_> = batch
                 .par_iter()
                 .map(|&(number, index)| {

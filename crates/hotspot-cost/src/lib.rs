@@ -4,7 +4,7 @@
 //! Sundarrajan, van de Ruit, Eisemann 2022); everything else follows from the [`Frame`]: [`Layers`] for an EXR file
 //! (`exr_io`), totals with intervals ([`stats`]), hotspots with causes ([`hotspots`]), the [`Document`] beside the
 //! picture, and the [`Comparison`] of two renders. Nothing here prints or keeps
-//! global state, and only the HTML page starts threads, that end with it.
+//! global state. What goes over all pixels (layers, totals, hotspots, EXR files, pages) runs in the caller's rayon pool.
 //!
 //! ```
 //! use hotspot_cost::{Cause, CostModel, Frame, FrameDesc, LayerOptions, Layers, Metric, PathEnd, stats};

@@ -69,7 +69,7 @@ struct PartLanes<S: Simd> {
 }
 
 impl LaneScene {
-    /// `None` for scenes without triangles. All of them are tried where there are at most [`FewTriangles::MOST`], of regular shape and opaque, none in
+    /// `None` for scenes without triangles, and of so many that lanes could not read their tables. All of them are tried where there are at most [`FewTriangles::MOST`], of regular shape and opaque, none in
     /// instances, and neither an environment nor a light without area; unless a parallel camera looks along one: all of its rays would be doubtful.
     pub(crate) fn new(scene: &RenderScene, camera: &FilmCamera) -> Option<Self> {
         let geometry = &scene.geometry;

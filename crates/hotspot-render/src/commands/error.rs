@@ -233,7 +233,9 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Fail> {
                     seconds: rendered.seconds,
                     process_seconds: before_sampling + rendered.seconds,
                     error: PictureError::of(&picture, &reference)?,
-                    estimated_relmse: stats::estimated_relmse(&rendered.frame).map(|(value, _)| value),
+                    estimated_relmse: stage
+                        .install(|| stats::estimated_relmse(&rendered.frame))
+                        .map(|(value, _)| value),
                 });
                 if index == 0 && *spp == most {
                     last_picture = Some(picture.into_owned());

@@ -211,7 +211,7 @@ pub(crate) fn run(args: &WhatIfArgs) -> Result<(), Fail> {
         suggestions: &whatif.suggestions,
     };
     writer.shows(crate::seen::names(&run.stage, &a.settings, &a.rendered.frame, &talker));
-    let page = writer.pair(&side_a, &side_b, &whatif.comparison, pair)?;
+    let page = run.stage.install(|| writer.pair(&side_a, &side_b, &whatif.comparison, pair))?;
     for file in &page.files {
         talker.say(&format!("wrote {file}"));
     }

@@ -85,7 +85,8 @@ fn candidates(run: &Run<'_>, a: &Version) -> Vec<Candidate> {
     let Some(cost) = a.layers.metric(Metric::Intersection) else { return Vec::new() };
     let objects = hotspots::first_objects(frame);
     let names = run.stage.prepared.objects();
-    let mut found = hotspots::of_frame_layers(frame, &a.layers, model, &objects, names, HOTSPOTS);
+    let mut found =
+        run.stage.install(|| hotspots::of_frame_layers(frame, &a.layers, model, &objects, names, HOTSPOTS));
     causes::explain(&run.stage, &a.settings, model, (cost, &objects), &mut found);
     let mut candidates: Vec<(f64, Candidate)> = Vec::new();
     for hotspot in &found {
