@@ -83,6 +83,9 @@ fn a_profile_is_made_and_used() {
             "100",
             "--profile",
             profile,
+            // A profile is of paths that go one by one, as they do by points other than Sobol's.
+            "--sampler",
+            "independent",
         ],
     );
     assert_eq!(code, Some(0), "{said}");
