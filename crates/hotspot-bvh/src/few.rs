@@ -124,11 +124,9 @@ impl FewTriangles {
     pub fn closest_hits<S: Simd>(&self, s: S, rays: &Rays<S>, from: Integers<S>, active: u32) -> Tried<S> {
         let scaled = Scaled::new(s, rays, self.reach);
         let infinite = Floats::splat(s, f32::INFINITY);
-        let mut nearest =
-            Nearest { least: infinite, most: infinite, primitive: Integers::splat(s, NONE), doubtful: 0 };
-        nearest.try_faces::<0>(s, &scaled, &self.faces[0], from, active);
-        nearest.try_faces::<1>(s, &scaled, &self.faces[1], from, active);
-        nearest.try_faces::<2>(s, &scaled, &self.faces[2], from, active);
+        let primitive = Integers::splat(s, NONE);
+        let mut nearest = Nearest { from, active, least: infinite, most: infinite, primitive, doubtful: 0 };
+        self.try_faces(s, &scaled, &mut nearest);
         let doubtful = (nearest.doubtful | !scaled.within.bits()) & active;
         let none = nearest.primitive.is(NONE).bits();
         let found = active & !doubtful & !none;
@@ -143,13 +141,20 @@ impl FewTriangles {
     #[inline(always)]
     pub fn blocked<S: Simd>(&self, s: S, rays: &Rays<S>, except: [Integers<S>; 2], active: u32) -> Blocked {
         let scaled = Scaled::new(s, rays, self.reach);
-        let mut found = Found { surely: 0, perhaps: 0 };
-        found.try_faces::<S, 0>(s, &scaled, &self.faces[0], except, active);
-        found.try_faces::<S, 1>(s, &scaled, &self.faces[1], except, active);
-        found.try_faces::<S, 2>(s, &scaled, &self.faces[2], except, active);
+        let mut found = Found { except, active, end: scaled.length, surely: 0, perhaps: 0 };
+        self.try_faces(s, &scaled, &mut found);
         let within = scaled.within.bits();
         let surely = found.surely & within & active;
         Blocked { surely, doubtful: (found.perhaps | !within) & active & !surely }
+    }
+
+    /// Tries all of them, in loops that are compiled for what each kind needs.
+    #[inline(always)]
+    fn try_faces<S: Simd>(&self, s: S, rays: &Scaled<S>, trial: &mut impl Trial<S>) {
+        let [x, y, z] = &self.faces;
+        try_axis::<S, 0>(s, rays, x, trial);
+        try_axis::<S, 1>(s, rays, y, trial);
+        try_axis::<S, 2>(s, rays, z, trial);
     }
 
     /// Corners of triangles.
@@ -339,8 +344,45 @@ kinds! {
     LevelRectangles: Rectangle, None;
 }
 
+/// What faces are tried for.
+trait Trial<S: Simd> {
+    /// Written so that what is no number is doubtful.
+    fn try_face<K: Kind>(&mut self, s: S, meeting: &Meeting<S>, face: &Face);
+}
+
+#[inline(always)]
+fn try_axis<S: Simd, const AXIS: usize>(s: S, rays: &Scaled<S>, faces: &Faces, trial: &mut impl Trial<S>) {
+    let [none, first, second, both] = &faces.rectangles;
+    try_kind::<S, AXIS, LevelRectangles>(s, rays, none, trial);
+    try_kind::<S, AXIS, RectanglesByFirst>(s, rays, first, trial);
+    try_kind::<S, AXIS, RectanglesBySecond>(s, rays, second, trial);
+    try_kind::<S, AXIS, Rectangles>(s, rays, both, trial);
+    try_kind::<S, AXIS, LevelQuadrangles>(s, rays, &faces.level_quadrangles, trial);
+    try_kind::<S, AXIS, Quadrangles>(s, rays, &faces.quadrangles, trial);
+    try_kind::<S, AXIS, Triangles>(s, rays, &faces.triangles, trial);
+}
+
+#[inline(always)]
+fn try_kind<S: Simd, const AXIS: usize, K: Kind>(
+    s: S,
+    rays: &Scaled<S>,
+    faces: &[Face],
+    trial: &mut impl Trial<S>,
+) {
+    if faces.is_empty() {
+        return;
+    }
+    let level = level_fall::<S, AXIS>(s, rays);
+    for face in faces {
+        trial.try_face::<K>(s, &Meeting::new::<AXIS, K>(s, rays, face, level), face);
+    }
+}
+
 /// The nearest of the faces that were tried.
 struct Nearest<S: Simd> {
+    /// The triangles that rays start on, and which lanes have one.
+    from: Integers<S>,
+    active: u32,
     /// Bounds on its distance.
     least: Floats<S>,
     most: Floats<S>,
@@ -349,56 +391,20 @@ struct Nearest<S: Simd> {
     doubtful: u32,
 }
 
-impl<S: Simd> Nearest<S> {
+impl<S: Simd> Trial<S> for Nearest<S> {
     #[inline(always)]
-    fn try_faces<const AXIS: usize>(
-        &mut self,
-        s: S,
-        rays: &Scaled<S>,
-        faces: &Faces,
-        from: Integers<S>,
-        active: u32,
-    ) {
-        let level = if faces.any_level() { level_fall::<S, AXIS>(s, rays) } else { self.least };
-        let [none, first, second, both] = &faces.rectangles;
-        self.try_kind::<AXIS, LevelRectangles>(s, rays, (none, level), from, active);
-        self.try_kind::<AXIS, RectanglesByFirst>(s, rays, (first, level), from, active);
-        self.try_kind::<AXIS, RectanglesBySecond>(s, rays, (second, level), from, active);
-        self.try_kind::<AXIS, Rectangles>(s, rays, (both, level), from, active);
-        self.try_kind::<AXIS, LevelQuadrangles>(s, rays, (&faces.level_quadrangles, level), from, active);
-        self.try_kind::<AXIS, Quadrangles>(s, rays, (&faces.quadrangles, level), from, active);
-        self.try_kind::<AXIS, Triangles>(s, rays, (&faces.triangles, level), from, active);
-    }
-
-    #[inline(always)]
-    fn try_kind<const AXIS: usize, K: Kind>(
-        &mut self,
-        s: S,
-        rays: &Scaled<S>,
-        (faces, level): (&[Face], Floats<S>),
-        from: Integers<S>,
-        active: u32,
-    ) {
-        for face in faces {
-            let meeting = Meeting::new::<AXIS, K>(s, rays, face, level);
-            self.try_face::<K>(s, &meeting, face, from, active);
-        }
-    }
-
-    /// Written so that what is no number is doubtful.
-    #[inline(always)]
-    fn try_face<K: Kind>(&mut self, s: S, meeting: &Meeting<S>, face: &Face, from: Integers<S>, active: u32) {
+    fn try_face<K: Kind>(&mut self, s: S, meeting: &Meeting<S>, face: &Face) {
         let margin = meeting.margin::<K>(s, face);
         let Meeting { t, error, .. } = *meeting;
         let (near, far) = (t - error, t + error);
         // Of two `min` keeps the second where one is no number; where that is `t` the error is none either.
         let inside = t.min(margin);
         let away = inside.less(-error) | self.most.less(near);
-        if !away.bits() & active == 0 {
+        if !away.bits() & self.active == 0 {
             return;
         }
         let (primitive, which) = meeting.triangle::<K>(s, face);
-        let away = away | (primitive.equal(from) & which);
+        let away = away | (primitive.equal(self.from) & which);
         let surely = (error.less(inside) & far.less(self.least) & which).without(away);
         self.doubtful |= !(away | surely).bits();
         self.least = surely.select(near, self.least);
@@ -408,62 +414,20 @@ impl<S: Simd> Nearest<S> {
 }
 
 /// Lanes that are blocked.
-struct Found {
+struct Found<S: Simd> {
+    /// The triangles that rays start on and end before, and which lanes have one.
+    except: [Integers<S>; 2],
+    active: u32,
+    /// Of the rays.
+    end: Floats<S>,
     surely: u32,
     perhaps: u32,
 }
 
-impl Found {
+impl<S: Simd> Trial<S> for Found<S> {
     #[inline(always)]
-    fn try_faces<S: Simd, const AXIS: usize>(
-        &mut self,
-        s: S,
-        rays: &Scaled<S>,
-        faces: &Faces,
-        except: [Integers<S>; 2],
-        active: u32,
-    ) {
-        let level = if faces.any_level() { level_fall::<S, AXIS>(s, rays) } else { rays.length };
-        let [none, first, second, both] = &faces.rectangles;
-        self.try_kind::<S, AXIS, LevelRectangles>(s, rays, (none, level), except, active);
-        self.try_kind::<S, AXIS, RectanglesByFirst>(s, rays, (first, level), except, active);
-        self.try_kind::<S, AXIS, RectanglesBySecond>(s, rays, (second, level), except, active);
-        self.try_kind::<S, AXIS, Rectangles>(s, rays, (both, level), except, active);
-        self.try_kind::<S, AXIS, LevelQuadrangles>(
-            s,
-            rays,
-            (&faces.level_quadrangles, level),
-            except,
-            active,
-        );
-        self.try_kind::<S, AXIS, Quadrangles>(s, rays, (&faces.quadrangles, level), except, active);
-        self.try_kind::<S, AXIS, Triangles>(s, rays, (&faces.triangles, level), except, active);
-    }
-
-    #[inline(always)]
-    fn try_kind<S: Simd, const AXIS: usize, K: Kind>(
-        &mut self,
-        s: S,
-        rays: &Scaled<S>,
-        (faces, level): (&[Face], Floats<S>),
-        except: [Integers<S>; 2],
-        active: u32,
-    ) {
-        for face in faces {
-            let meeting = Meeting::new::<AXIS, K>(s, rays, face, level);
-            self.try_face::<S, K>(s, (&meeting, rays.length), face, except, active);
-        }
-    }
-
-    #[inline(always)]
-    fn try_face<S: Simd, K: Kind>(
-        &mut self,
-        s: S,
-        (meeting, end): (&Meeting<S>, Floats<S>),
-        face: &Face,
-        except: [Integers<S>; 2],
-        active: u32,
-    ) {
+    fn try_face<K: Kind>(&mut self, s: S, meeting: &Meeting<S>, face: &Face) {
+        let Self { except, active, end, .. } = *self;
         let Meeting { t, error, .. } = *meeting;
         let away = t.less(-error) | end.less(t - error);
         // As walls are that a room lies on one side of.

@@ -60,10 +60,6 @@ pub(super) struct Faces {
 }
 
 impl Faces {
-    pub(super) fn any_level(&self) -> bool {
-        !(self.level_quadrangles.is_empty() && self.rectangles[Tilt::None as usize].is_empty())
-    }
-
     pub(super) fn add(&mut self, shape: Shape, face: Face) {
         let [F8([a, ..]), F8([b, ..]), _] = face.plane;
         let tilt = match (a == 0.0, b == 0.0) {
@@ -149,7 +145,7 @@ impl Face {
             let least = along.into_iter().fold(f64::INFINITY, f64::min);
             [least, along.into_iter().fold(f64::NEG_INFINITY, f64::max)]
         });
-        // Convex with a corner each at two ends of both is at all four.
+        // A convex quadrangle whose corners are all at ends of both has one at each of the four places.
         let square = [a, b, c, d]
             .iter()
             .all(|corner| extent[0].contains(&corner[first]) && extent[1].contains(&corner[second]));
