@@ -225,9 +225,12 @@ pub(crate) fn trace<S: Simd, P: Probe, C: Class, const KNOWN: bool>(
                 },
                 probe,
             );
-            let found = throughput * direct;
-            tell(probe, found, settings.max_depth - bounces - 1);
-            radiance += found;
+            // Of no light there is none even where the throughput is infinite.
+            if direct != Vec3::ZERO {
+                let found = throughput * direct;
+                tell(probe, found, settings.max_depth - bounces - 1);
+                radiance += found;
+            }
         }
 
         probe.bsdf(1);

@@ -266,6 +266,25 @@ fn signs_of_zeros_in_normals_count() {
     assert_eq!(sums(&eights), sums(&single));
 }
 
+/// Where throughput grows beyond all numbers, the same paths are lost: those that find light with it.
+#[test]
+fn paths_beyond_all_numbers_are_lost_alike() {
+    let mut scene = room(1, 1.0);
+    for material in &mut scene.materials {
+        material.bsdf = hotspot_scene::Bsdf::Matte { reflectance: Color::constant([1e25; 3]) };
+    }
+    let ready = prepare(&scene, Isa::Auto);
+    let of = |packets| {
+        let settings = Settings { packets, ..settings(16) };
+        let rendered = render(&ready, &camera(1.0, false), &settings, Control::default());
+        (sums(&rendered), rendered.non_finite_count)
+    };
+    let (eights, single) = (of(true), of(false));
+    assert_eq!(eights, single);
+    // None of a ray that meets the lamp at once.
+    assert!(single.1 > 1000 && single.0.iter().any(|(sum, _)| sum[0] > 0.0), "{} lost", single.1);
+}
+
 /// The picture in lanes and path by path, with both instruction sets; whether all are the same, and how many pixels are lit.
 fn agree(name: &str, scene: &Scene, settings: &Settings, camera: &Camera) -> usize {
     let mut pictures = Vec::new();

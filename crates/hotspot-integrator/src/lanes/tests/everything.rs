@@ -31,13 +31,14 @@ fn dressed(mut mesh: Mesh) -> Mesh {
     mesh
 }
 
-fn map(random: &mut Random) -> Environment {
+/// Of this many columns and rows.
+fn map(random: &mut Random, [width, height]: [u32; 2]) -> Environment {
     let texel = |i: u32| if i % 7 == 3 { [0.0; 3] } else { [0, 1, 2].map(|_| random.unit() as f32) };
     Environment::Map(EnvironmentMap {
         name: "map".into(),
-        width: 8,
-        height: 5,
-        texels: (0..40).map(texel).collect(),
+        width,
+        height,
+        texels: (0..width * height).map(texel).collect(),
         scale: [1.0, 0.9, 1.5],
         rotation: 0.7,
     })
@@ -180,7 +181,7 @@ fn environment_maps_and_lights_without_area() {
         let mut random = Random(seed);
         let mut scene = room(seed, 1.0);
         if seed % 2 == 0 {
-            scene.environment = Some(map(&mut random));
+            scene.environment = Some(map(&mut random, [8, 5]));
         } else if seed == 7 {
             scene.environment = Some(Environment::Constant([0.4, 0.5, 0.9]));
         }
@@ -206,6 +207,17 @@ fn environment_maps_and_lights_without_area() {
 }
 
 /// Turned, stretched, mirrored; dressed, with holes, bumps and absorption; beside triangles of the world and without any.
+/// Where columns, rows or both are so few that a look-up meets some of them twice.
+#[test]
+fn environment_maps_of_few_texels() {
+    let mut random = Random(9);
+    for (seed, size) in (0..).zip([[1, 1], [2, 1], [1, 6], [3, 2]]) {
+        let mut scene = room(seed, 1.0);
+        scene.environment = Some(map(&mut random, size));
+        assert!(agree_in_all_ways(&format!("{size:?}"), &scene, seed) > 500);
+    }
+}
+
 #[test]
 fn instances() {
     for seed in 0..4u64 {
@@ -250,7 +262,7 @@ fn instances() {
         scene.instances.drain(..first.object as usize);
         scene.environment = Some(Environment::Constant([0.4, 0.5, 0.9]));
         if seed > 1 {
-            scene.environment = Some(map(&mut random));
+            scene.environment = Some(map(&mut random, [8, 5]));
             scene.lights = lights(5);
         }
         assert!(agree_placed(&format!("instances alone {seed}"), &scene, seed) > 300);
