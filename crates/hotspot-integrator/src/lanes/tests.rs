@@ -281,7 +281,7 @@ fn paths_beyond_all_numbers_are_lost_alike() {
     };
     let (eights, single) = (of(true), of(false));
     assert_eq!(eights, single);
-    // None of a ray that meets the lamp at once.
+    // Some find light before it is too much.
     assert!(single.1 > 1000 && single.0.iter().any(|(sum, _)| sum[0] > 0.0), "{} lost", single.1);
 }
 
