@@ -206,7 +206,6 @@ fn environment_maps_and_lights_without_area() {
     }
 }
 
-/// Turned, stretched, mirrored; dressed, with holes, bumps and absorption; beside triangles of the world and without any.
 /// Where columns, rows or both are so few that a look-up meets some of them twice.
 #[test]
 fn environment_maps_of_few_texels() {
@@ -218,6 +217,7 @@ fn environment_maps_of_few_texels() {
     }
 }
 
+/// Turned, stretched, mirrored; dressed, with holes, bumps and absorption; beside triangles of the world and without any.
 #[test]
 fn instances() {
     for seed in 0..4u64 {
