@@ -16,17 +16,19 @@
 //! all distances: nothing is sure then, and nothing that is hit is away. The decisions of `triangle.rs` are made in f64, or by f32 distances
 //! within 4u|t| of the true ones, which is less than what is left of t's bound.
 //!
-//! Visits cannot be counted: there are none.
+//! Of what a search would visit [`FewVisits`] tells.
 
 mod face;
 #[cfg(test)]
 mod tests;
+mod visits;
 
 use crate::exact::{difference, edge_weights, plane, widened};
 use crate::rays::{Hits, Rays};
 use crate::simd::{Doubles, Floats, Integers, Mask, Simd, Vectors};
 use crate::triangle::unit_normal;
 use face::{Equation, Face, Faces, NONE, Shape, Tilt, corners, quadrangle};
+pub use visits::FewVisits;
 
 /// See the file's header.
 const ERROR: f32 = 64.0 * 0.5 * f32::EPSILON;
@@ -141,11 +143,30 @@ impl FewTriangles {
     #[inline(always)]
     pub fn blocked<S: Simd>(&self, s: S, rays: &Rays<S>, except: [Integers<S>; 2], active: u32) -> Blocked {
         let scaled = Scaled::new(s, rays, self.reach);
-        let mut found = Found { except, active, end: scaled.length, surely: 0, perhaps: 0 };
+        let mut found = Found { except, active, end: scaled.length, surely: 0, perhaps: 0, place: Nowhere };
         self.try_faces(s, &scaled, &mut found);
         let within = scaled.within.bits();
         let surely = found.surely & within & active;
         Blocked { surely, doubtful: (found.perhaps | !within) & active & !surely }
+    }
+
+    /// The same, and in which places those that are surely blocked are: `place_of` says that of each triangle, as a bit. A ray that is
+    /// blocked but may be in another place too is doubtful.
+    #[inline(always)]
+    pub fn blocked_where<S: Simd>(
+        &self,
+        s: S,
+        rays: &Rays<S>,
+        except: [Integers<S>; 2],
+        active: u32,
+        place_of: &[u32],
+    ) -> (Blocked, Integers<S>) {
+        let scaled = Scaled::new(s, rays, self.reach);
+        let place = Places { of: place_of, hit: Integers::splat(s, 0) };
+        let mut found = Found { except, active, end: scaled.length, surely: 0, perhaps: 0, place };
+        self.try_faces(s, &scaled, &mut found);
+        let doubtful = (found.perhaps | !scaled.within.bits()) & active;
+        (Blocked { surely: found.surely & active & !doubtful, doubtful }, found.place.hit)
     }
 
     /// Tries all of them, in loops that are compiled for what each kind needs.
@@ -413,8 +434,36 @@ impl<S: Simd> Trial<S> for Nearest<S> {
     }
 }
 
+/// Where rays are blocked.
+trait Note<S: Simd> {
+    /// Lanes `hit` surely are by these triangles.
+    fn note(&mut self, s: S, primitive: Integers<S>, hit: Mask<S>);
+}
+
+/// Nobody asks.
+struct Nowhere;
+
+impl<S: Simd> Note<S> for Nowhere {
+    #[inline(always)]
+    fn note(&mut self, _s: S, _primitive: Integers<S>, _hit: Mask<S>) {}
+}
+
+/// Places of triangles, as bits, and those where rays are blocked.
+struct Places<'a, S: Simd> {
+    of: &'a [u32],
+    hit: Integers<S>,
+}
+
+impl<S: Simd> Note<S> for Places<'_, S> {
+    #[inline(always)]
+    fn note(&mut self, s: S, primitive: Integers<S>, hit: Mask<S>) {
+        let place = Integers::gather(self.of, primitive);
+        self.hit = self.hit | place.or_where_not(hit, Integers::splat(s, 0));
+    }
+}
+
 /// Lanes that are blocked.
-struct Found<S: Simd> {
+struct Found<S: Simd, N> {
     /// The triangles that rays start on and end before, and which lanes have one.
     except: [Integers<S>; 2],
     active: u32,
@@ -422,9 +471,10 @@ struct Found<S: Simd> {
     end: Floats<S>,
     surely: u32,
     perhaps: u32,
+    place: N,
 }
 
-impl<S: Simd> Trial<S> for Found<S> {
+impl<S: Simd, N: Note<S>> Trial<S> for Found<S, N> {
     #[inline(always)]
     fn try_face<K: Kind>(&mut self, s: S, meeting: &Meeting<S>, face: &Face) {
         let Self { except, active, end, .. } = *self;
@@ -443,6 +493,7 @@ impl<S: Simd> Trial<S> for Found<S> {
         let excepted = primitive.equal(except[0]) | primitive.equal(except[1]);
         let away = away | (excepted & which);
         let surely = (error.less(t.min(margin)) & (t + error).less(end) & which).without(away);
+        self.place.note(s, primitive, surely);
         self.surely |= surely.bits();
         self.perhaps |= !(away | surely).bits();
     }

@@ -27,8 +27,6 @@ pub trait LaneProbes {
         Self: 'p;
     /// The ray of a lane is about to be cast.
     fn ray(&mut self, lane: usize) -> Self::Ray<'_>;
-    /// It has ended, and its listener is finished.
-    fn ended(&mut self);
 }
 
 impl LaneProbes for NoProbe {
@@ -38,9 +36,6 @@ impl LaneProbes for NoProbe {
     fn ray(&mut self, _lane: usize) -> Self {
         Self
     }
-
-    #[inline(always)]
-    fn ended(&mut self) {}
 }
 
 /// Tells of the rays of `lanes` that nothing is visited by them.
@@ -49,7 +44,6 @@ fn without_visits<P: LaneProbes>(lanes: u32, probes: &mut P) {
     if P::Ray::<'_>::ON {
         for lane in Lanes(lanes) {
             probes.ray(lane).finish(false);
-            probes.ended();
         }
     }
 }
@@ -111,7 +105,7 @@ impl Frames {
 
 /// [`reciprocal_far`](crate::triangle::reciprocal_far).
 #[inline(always)]
-fn far<S: Simd>(s: S, inverse: Floats<S>) -> Floats<S> {
+pub(crate) fn far<S: Simd>(s: S, inverse: Floats<S>) -> Floats<S> {
     inverse * FAR_SCALE + Floats::splat(s, FAR_QUANTA).copysign(inverse)
 }
 
@@ -136,9 +130,10 @@ impl Bvh {
         let asked = if self.root == Child::EMPTY { 0 } else { active & frames.finite };
         without_visits(active & !asked, probes);
         for lane in Lanes(asked) {
+            // First, so that nothing of the frame has to be kept meanwhile.
+            let mut probe = probes.ray(lane);
             let frame = frames.frame(lane, f32::INFINITY);
             let mut filter = filters[lane];
-            let mut probe = probes.ray(lane);
             let best = closest_of_frame::<S, P::Ray<'_>, F, INSTANCED, 1>(
                 s,
                 self,
@@ -148,7 +143,6 @@ impl Bvh {
                 &mut probe,
             );
             probe.finish(best.found);
-            probes.ended();
             found |= u32::from(best.found) << lane;
             (primitive.0[lane], t.0[lane]) = (best.primitive, best.t);
             if INSTANCED {
@@ -242,10 +236,10 @@ impl Bvh {
         let asked = if self.root == Child::EMPTY { 0 } else { active & frames.finite };
         without_visits(active & !asked, probes);
         for lane in Lanes(asked) {
+            let mut probe = probes.ray(lane);
             let frame = frames.frame(lane, t_max.0[lane]);
             let except = [from.0[lane], to.0[lane]];
             let mut filter = filters[lane];
-            let mut probe = probes.ray(lane);
             let hit = any_of_frame::<S, P::Ray<'_>, F, INSTANCED, 2>(
                 s,
                 self,
@@ -255,7 +249,6 @@ impl Bvh {
                 &mut probe,
             );
             probe.finish(hit);
-            probes.ended();
             occluded |= u32::from(hit) << lane;
         }
         occluded

@@ -50,6 +50,7 @@ mod metric;
 mod metric_set;
 #[cfg_attr(not(feature = "report"), allow(dead_code, reason = "the page alone uses some of it"))]
 mod names;
+mod pair;
 mod picture_change;
 pub mod picture_error;
 pub mod prediction;
@@ -83,7 +84,7 @@ pub use metric_set::{MetricSet, UnknownMetric};
 pub use picture_change::PictureChange;
 pub use recorder::{
     CostPixel, FilmPixel, PathCounts, PathEnd, PathRecorder, PathTally, PixelRecorder, PixelVisit,
-    RayCounter, Rect, TileRecorder,
+    RayCounter, Rect, TalliedRay, TileRecorder,
 };
 pub use repeats::RepeatChange;
 pub use stats::{CiKind, Total};

@@ -12,7 +12,8 @@ use crate::counter::{Cause, Counter};
 use crate::depth_cut::DepthCut;
 use hotspot_probe::{NONE, Probe, RayKind, Spawner};
 
-pub use path::{PathCounts, PathTally, PixelVisit, RayCounter};
+pub use path::{PathCounts, PixelVisit, RayCounter};
+pub use tally::{PathTally, TalliedRay};
 
 /// A rectangle of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -388,6 +389,7 @@ impl Probe for PathRecorder<'_> {
 }
 
 mod path;
+mod tally;
 
 #[cfg(test)]
 mod tests;

@@ -6,6 +6,7 @@ use crate::cast::closest_hits;
 use crate::class::{Class, FullClass, Learning, LobesClass, MatteClass, SceneClass, TexturedClass};
 use crate::lanes::LaneScene;
 use crate::path::{PathResult, PathSettings, Start, trace};
+use crate::payers::Booking;
 use crate::sampler::{Dimensions, PixelSampler, Sampler, SamplerKind};
 use crate::scene::RenderScene;
 use glam::Vec3;
@@ -71,7 +72,7 @@ pub(crate) struct Kernel<'a> {
     pub(crate) radiance: bool,
     pub(crate) clock: bool,
     /// Who pays for what, where ledgers are gathered.
-    pub(crate) payers: Option<&'a Payers>,
+    pub(crate) booking: Option<&'a Booking>,
     /// Whether camera rays that are not counted go in packets.
     pub(crate) packets: bool,
     /// Where paths go eight at a time.
@@ -152,34 +153,27 @@ impl TileJob<'_> {
         if self.kernel.path.learned.is_some() {
             // Matte and lobes take that of textured: what it would save is little beside what it takes to compile.
             return match self.kernel.scene.class() {
-                SceneClass::Matte | SceneClass::Lobes | SceneClass::Textured => simd.vectorize(
-                    #[inline(always)]
-                    || self.pixels::<S, Learning<TexturedClass>>(simd),
-                ),
-                SceneClass::Full => simd.vectorize(
-                    #[inline(always)]
-                    || self.pixels::<S, Learning<FullClass>>(simd),
-                ),
+                SceneClass::Matte | SceneClass::Lobes | SceneClass::Textured => {
+                    self.pixels_of::<S, Learning<TexturedClass>>(simd);
+                }
+                SceneClass::Full => self.pixels_of::<S, Learning<FullClass>>(simd),
             };
         }
         match self.kernel.scene.class() {
-            SceneClass::Matte => simd.vectorize(
-                #[inline(always)]
-                || self.pixels::<S, MatteClass>(simd),
-            ),
-            SceneClass::Lobes => simd.vectorize(
-                #[inline(always)]
-                || self.pixels::<S, LobesClass>(simd),
-            ),
-            SceneClass::Textured => simd.vectorize(
-                #[inline(always)]
-                || self.pixels::<S, TexturedClass>(simd),
-            ),
-            SceneClass::Full => simd.vectorize(
-                #[inline(always)]
-                || self.pixels::<S, FullClass>(simd),
-            ),
+            SceneClass::Matte => self.pixels_of::<S, MatteClass>(simd),
+            SceneClass::Lobes => self.pixels_of::<S, LobesClass>(simd),
+            SceneClass::Textured => self.pixels_of::<S, TexturedClass>(simd),
+            SceneClass::Full => self.pixels_of::<S, FullClass>(simd),
         }
+    }
+
+    /// Not inlined: without vectors the kernels would be one function, that takes compilers longer than each by itself.
+    #[inline(never)]
+    fn pixels_of<S: Simd, C: Class>(self, simd: S) {
+        simd.vectorize(
+            #[inline(always)]
+            || self.pixels::<S, C>(simd),
+        );
     }
 }
 
@@ -205,22 +199,10 @@ impl TileJob<'_> {
     fn class_without<S: Simd, const FEATURE: usize>(self, simd: S) {
         use crate::class::Without;
         match self.kernel.scene.class() {
-            SceneClass::Matte => simd.vectorize(
-                #[inline(always)]
-                || self.pixels::<S, Without<MatteClass, FEATURE>>(simd),
-            ),
-            SceneClass::Lobes => simd.vectorize(
-                #[inline(always)]
-                || self.pixels::<S, Without<LobesClass, FEATURE>>(simd),
-            ),
-            SceneClass::Textured => simd.vectorize(
-                #[inline(always)]
-                || self.pixels::<S, Without<TexturedClass, FEATURE>>(simd),
-            ),
-            SceneClass::Full => simd.vectorize(
-                #[inline(always)]
-                || self.pixels::<S, Without<FullClass, FEATURE>>(simd),
-            ),
+            SceneClass::Matte => self.pixels_of::<S, Without<MatteClass, FEATURE>>(simd),
+            SceneClass::Lobes => self.pixels_of::<S, Without<LobesClass, FEATURE>>(simd),
+            SceneClass::Textured => self.pixels_of::<S, Without<TexturedClass, FEATURE>>(simd),
+            SceneClass::Full => self.pixels_of::<S, Without<FullClass, FEATURE>>(simd),
         }
     }
 }
@@ -266,8 +248,8 @@ impl TileJob<'_> {
                 }
                 let mut kept = Kept { film: *film, lost, radiance: kernel.radiance, x, y, half };
                 if let Some(cost) = cost.as_mut().filter(|_| !counting.is_empty()) {
-                    if let (Some(ledger), Some(payers)) = (ledger.as_deref_mut(), kernel.payers) {
-                        let books = Books { payers, ledger, cost };
+                    if let (Some(ledger), Some(booking)) = (ledger.as_deref_mut(), kernel.booking) {
+                        let books = Books { payers: &booking.payers, ledger, cost };
                         let kept_here = Kept { lost: kept.lost, ..kept };
                         kept.film =
                             booked_samples::<S, C>(simd, kernel, &pixel_sampler, counting, books, kept_here);

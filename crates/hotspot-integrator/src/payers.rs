@@ -1,8 +1,10 @@
-//! Who pays for what in a prepared scene: the tree's owners, as the ledgers want them.
+//! Who pays for what in a prepared scene: the tree's owners, as the ledgers want them; and what they know its parts by.
 
+use crate::geometry::Geometry;
 use crate::scene::RenderScene;
 use hotspot_bvh::Owner;
-use hotspot_cost::ledger::{Payer, PayerDesc, Payers};
+use hotspot_cost::ledger::{Aim, Payer, PayerDesc, Payers, RayKey, Sender};
+use hotspot_probe::{NONE, RayKind};
 
 impl RenderScene {
     /// The tables of the payer ledger: a node or leaf block belongs to an object if every triangle below it does; those of a
@@ -31,6 +33,45 @@ impl RenderScene {
             triangles: self.object_triangles(),
             lights,
         })
+    }
+}
+
+/// The tables of ledgers, and what those know the parts of a scene by.
+pub(crate) struct Booking {
+    pub(crate) payers: Payers,
+    camera: RayKey,
+    /// By number of part: what sends rays from it, and what those have that are aimed at it.
+    parts: Vec<(Sender, Aim)>,
+}
+
+impl Booking {
+    pub(crate) fn new(scene: &RenderScene) -> Self {
+        let payers = scene.payers();
+        let of = |number: usize| {
+            let part = scene.geometry.part_of_number(number as u32);
+            (payers.sender(part.object, part.material), payers.aim(part.object))
+        };
+        let parts = (0..scene.geometry.part_count()).map(of).collect();
+        let camera = RayKey::new(payers.sender(NONE, NONE), Aim::NONE, 0, RayKind::Camera);
+        Self { payers, camera, parts }
+    }
+
+    /// What a camera or bounce ray that leaves this part is booked on; after no bounces none is left.
+    #[inline(always)]
+    pub(crate) fn onward(&self, part: u32, bounce: u32) -> RayKey {
+        if bounce == 0 {
+            return self.camera;
+        }
+        let (sender, _) = self.parts[part as usize];
+        RayKey::new(sender, Aim::NONE, bounce, RayKind::Bounce)
+    }
+
+    /// What a shadow ray from this part to a triangle of the world is booked on ([`NONE`]: to the environment or a light without size).
+    #[inline(always)]
+    pub(crate) fn shadow(&self, geometry: &Geometry, part: u32, to: u32, bounce: u32) -> RayKey {
+        let (sender, _) = self.parts[part as usize];
+        let lit = geometry.part_of.get(to as usize).and_then(|part| self.parts.get(*part as usize));
+        RayKey::new(sender, lit.map_or(Aim::NONE, |(_, aim)| *aim), bounce, RayKind::Shadow)
     }
 }
 

@@ -6,6 +6,7 @@ use crate::kernel::{Kernel, Lost, NonFinite, TileJob};
 use crate::lanes::LaneScene;
 use crate::light::{Learned, Lessons};
 use crate::path::PathSettings;
+use crate::payers::Booking;
 use crate::roulette::{Pilot, Roulette, Survival};
 use crate::sampler::SamplerKind;
 use crate::scene::RenderScene;
@@ -388,7 +389,7 @@ pub(crate) fn render_somehow(
     // Both halves always have as many samples.
     let halves = frame.halves() as u64;
     let whole = |samples: u32| u64::from(samples).next_multiple_of(halves);
-    let payers = (settings.ledgers && gather.cost).then(|| scene.payers());
+    let booking = (settings.ledgers && gather.cost).then(|| Booking::new(scene));
     let shelf = Shelf::default();
     let start = Instant::now();
     let camera = settings.film_camera(camera);
@@ -420,7 +421,7 @@ pub(crate) fn render_somehow(
         counted,
         radiance: gather.radiance,
         clock: gather.time,
-        payers: payers.as_ref(),
+        booking: booking.as_ref(),
         packets: settings.packets && scene.triangle_count() as u64 <= PACKED * pixels,
         lanes: lanes.as_ref(),
         counted_in_eights: wide,
@@ -458,7 +459,7 @@ pub(crate) fn render_somehow(
             .with_max_len(1)
             .map(|tile| {
                 let mut lost = Lost::default();
-                let mut ledger = payers.as_ref().map(|payers| shelf.take(payers));
+                let mut ledger = booking.as_ref().map(|booking| shelf.take(&booking.payers));
                 let added = match &plan {
                     Some(plan) => plan.samples(tile.rect(), samples.start, samples.end),
                     None => tile.rect().area() as u64 * (samples.end - samples.start),
@@ -533,7 +534,7 @@ pub(crate) fn render_somehow(
     let seconds = start.elapsed().saturating_sub(outside).as_secs_f64();
     Rendered {
         frame,
-        ledgers: payers.map(|payers| {
+        ledgers: booking.map(|Booking { payers, .. }| {
             let names: Vec<String> = scene.material_names().map(str::to_owned).collect();
             shelf.sum(&payers).rows(&payers, scene.objects(), &names)
         }),

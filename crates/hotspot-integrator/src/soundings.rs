@@ -1,6 +1,7 @@
 //! A few more paths through some pixels, counted and booked apart from the render: what its hotspots are explained from.
 
 use crate::kernel::{Kernel, Lost, TileJob};
+use crate::payers::Booking;
 use crate::render::Settings;
 use crate::scene::RenderScene;
 use hotspot_bvh::simd::dispatch;
@@ -31,7 +32,8 @@ pub fn sound(
     settings: &Settings,
     regions: &[Vec<u32>],
 ) -> Vec<Vec<Sounding>> {
-    let payers = scene.payers();
+    let booking = Booking::new(scene);
+    let payers = &booking.payers;
     let camera = settings.film_camera(camera);
     let guides = settings.guides(scene, Some(&camera));
     let kernel = Kernel {
@@ -46,7 +48,7 @@ pub fn sound(
         counted: PARTS * MOST_SAMPLES,
         radiance: false,
         clock: false,
-        payers: Some(&payers),
+        booking: Some(&booking),
         lanes: None,
         counted_in_eights: false,
         packets: true,
@@ -60,7 +62,7 @@ pub fn sound(
         .par_iter()
         .map(|(region, part)| {
             let mut sounding = Sounding::default();
-            let mut ledger = Ledger::new(&payers);
+            let mut ledger = Ledger::new(payers);
             let mut lost = Lost::default();
             let samples = PATHS.div_ceil(region.len().max(1) as u64).min(MOST_SAMPLES);
             // Evenly over large regions, each part at pixels of its own.
@@ -86,7 +88,7 @@ pub fn sound(
                 );
                 sounding.add(&tile);
             }
-            sounding.ledgers = ledger.rows(&payers, scene.objects(), &names);
+            sounding.ledgers = ledger.rows(payers, scene.objects(), &names);
             sounding
         })
         .collect();

@@ -57,7 +57,7 @@ fn cuboid(place: impl Fn([f64; 3]) -> [f64; 3]) -> Vec<[[f32; 3]; 3]> {
 }
 
 /// A room with a roof and three boxes in it, one turned around an axis and one altogether, and some triangles of any shape.
-fn room(random: &mut Random, scale: f64) -> Vec<[[f32; 3]; 3]> {
+pub(super) fn room(random: &mut Random, scale: f64) -> Vec<[[f32; 3]; 3]> {
     let mut all = cuboid(|p| p.map(|x| x * scale));
     all.extend(cuboid(|[x, y, z]| [0.2 + 0.2 * x, 0.02 + 0.3 * y, 0.3 + 0.25 * z].map(|x| x * scale)));
     all.extend(cuboid(|[x, y, z]| {

@@ -80,6 +80,7 @@ impl Simd for Avx2 {
     type Integers = __m256i;
     type Doubles = [__m256d; 2];
     const NAME: &'static str = "avx2";
+    const EMULATED: bool = false;
 
     #[inline(always)]
     fn vectorize<R>(self, f: impl FnOnce() -> R) -> R {

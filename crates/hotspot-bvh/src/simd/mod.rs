@@ -37,6 +37,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
 
     /// Name as shown in outputs: `portable`, `avx2`.
     const NAME: &'static str;
+    /// Whether it has no vectors, so that what is done to eight lanes is done eight times.
+    const EMULATED: bool;
 
     /// Runs `f` compiled for this instruction set. `f` and all it calls must be `#[inline(always)]` to profit.
     fn vectorize<R>(self, f: impl FnOnce() -> R) -> R;

@@ -51,6 +51,7 @@ impl Simd for Portable {
     type Integers = U8;
     type Doubles = [f64; 8];
     const NAME: &'static str = "portable";
+    const EMULATED: bool = true;
 
     #[inline(always)]
     fn vectorize<R>(self, f: impl FnOnce() -> R) -> R {

@@ -1,27 +1,53 @@
 //! The spawner ledger while it is gathered: an open-addressing table, since there are far more possible keys than real ones.
 
-use super::cells::{LEAVES, NODES, PAIRS, Pair};
 use super::payers::Column;
+use crate::pair::{LEAVES, NODES, PAIRS, Pair};
 use hotspot_probe::RayKind;
 use std::collections::BTreeMap;
 
 /// Bounces from here on share an entry.
 pub(super) const LAST_BOUNCE: u32 = 31;
 
-/// What sent a ray, in one word: object (11 bits), light (11 bits), bounce (5 bits), kind (2 bits), material (32 bits).
+/// What sends a ray, as ledgers book it: object (11 bits), light (11 bits), bounce (5 bits), kind (2 bits), material (32 bits).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Key(u64);
+pub struct RayKey(u64);
 
-impl Key {
+/// An object with a material, as a part of [`RayKey`]s ([`Payers::sender`](super::Payers::sender)).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sender(u64);
+
+/// A light that shadow rays are aimed at, as a part of [`RayKey`]s ([`Payers::aim`](super::Payers::aim)).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Aim(u64);
+
+impl Sender {
+    /// Object: a slot, below 2^11.
+    #[inline(always)]
+    pub(super) fn new(object: Column, material: u32) -> Self {
+        Self(u64::from(object) << 50 | u64::from(material))
+    }
+}
+
+impl Aim {
+    /// None that has an entry of its own.
+    pub const NONE: Self = Self(0);
+
+    /// Light: a slot, below 2^11.
+    #[inline(always)]
+    pub(super) fn new(light: Column) -> Self {
+        Self(u64::from(light) << 39)
+    }
+}
+
+impl RayKey {
     /// No ray's.
     const EMPTY: Self = Self(u64::MAX);
 
-    /// Object and light: slots, below 2^11.
+    /// Of a ray of this kind after so many scattering events.
     #[inline(always)]
-    pub(super) fn new(object: Column, material: u32, light: Column, bounce: u32, kind: RayKind) -> Self {
+    pub fn new(Sender(sender): Sender, Aim(aim): Aim, bounce: u32, kind: RayKind) -> Self {
         let how = 4 * bounce.min(LAST_BOUNCE) + kind as u32;
-        let who = u32::from(object) << 18 | u32::from(light) << 7 | how;
-        Self(u64::from(who) << 32 | u64::from(material))
+        Self(sender | aim | u64::from(how) << 32)
     }
 
     pub(super) const fn object(self) -> Column {
@@ -78,7 +104,7 @@ impl BinCounts {
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 struct Bin {
-    key: Key,
+    key: RayKey,
     rays: u64,
     /// Nodes with boxes, leaf blocks with shapes.
     visits: [Pair; PAIRS],
@@ -88,7 +114,7 @@ struct Bin {
 }
 
 const EMPTY: Bin = Bin {
-    key: Key::EMPTY,
+    key: RayKey::EMPTY,
     rays: 0,
     hits: 0,
     visits: [Pair::NOTHING; PAIRS],
@@ -132,7 +158,7 @@ pub(super) struct Bins {
     /// By bin.
     rare: Vec<RareCounts>,
     /// What pairs could not hold.
-    wide: BTreeMap<Key, BinCounts>,
+    wide: BTreeMap<RayKey, BinCounts>,
     used: usize,
     /// Bits of a hash that are too many.
     shift: u32,
@@ -154,13 +180,13 @@ impl Bins {
 
     /// Where the search for a key begins: Fibonacci hashing, by the product's top bits, since only those depend on the whole key.
     #[inline(always)]
-    fn first(&self, key: Key) -> usize {
+    fn first(&self, key: RayKey) -> usize {
         (key.0.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> self.shift) as usize
     }
 
     /// Adds a ray with its visits of nodes and leaf blocks. `blocked`: it is a shadow ray that hit.
     #[inline(always)]
-    pub(super) fn add_ray(&mut self, key: Key, hit: bool, visits: [Pair; PAIRS], blocked: bool) {
+    pub(super) fn add_ray(&mut self, key: RayKey, hit: bool, visits: [Pair; PAIRS], blocked: bool) {
         let index = self.first(key);
         let Some(bin) = self.bins.get_mut(index).filter(|bin| bin.key == key) else {
             let [nodes, leaves] = visits;
@@ -173,7 +199,7 @@ impl Bins {
 
     /// The same, of a key whose bin is not where the search begins, or that has none. Pairs by themselves stay in registers.
     #[inline(never)]
-    fn add_elsewhere(&mut self, key: Key, hit: bool, nodes: Pair, leaves: Pair, blocked: bool) {
+    fn add_elsewhere(&mut self, key: RayKey, hit: bool, nodes: Pair, leaves: Pair, blocked: bool) {
         let index = self.find(key);
         if self.bins[index].add(hit, [nodes, leaves], blocked) {
             self.empty(index);
@@ -192,20 +218,20 @@ impl Bins {
     /// Adds what pairs may not hold.
     #[cold]
     #[inline(never)]
-    pub(super) fn add_wide(&mut self, key: Key, counts: &BinCounts) {
+    pub(super) fn add_wide(&mut self, key: RayKey, counts: &BinCounts) {
         self.find(key);
         self.wide.entry(key).or_default().add(counts);
     }
 
     /// Adds instances and alpha tests.
-    pub(super) fn add_rare(&mut self, key: Key, rare: RareCounts) {
+    pub(super) fn add_rare(&mut self, key: RayKey, rare: RareCounts) {
         let index = self.find(key);
         self.rare[index][0] += rare[0];
         self.rare[index][1] += rare[1];
     }
 
     /// The bin of a key, made where there is none.
-    fn find(&mut self, key: Key) -> usize {
+    fn find(&mut self, key: RayKey) -> usize {
         let place = self.place(key);
         if self.bins[place].key == key {
             return place;
@@ -216,7 +242,7 @@ impl Bins {
             self.shift -= 1;
             let bins = std::mem::replace(&mut self.bins, vec![EMPTY; len]);
             let rare = std::mem::replace(&mut self.rare, vec![[0; 2]; len]);
-            for (bin, rare) in bins.into_iter().zip(rare).filter(|(bin, _)| bin.key != Key::EMPTY) {
+            for (bin, rare) in bins.into_iter().zip(rare).filter(|(bin, _)| bin.key != RayKey::EMPTY) {
                 let place = self.place(bin.key);
                 self.bins[place] = bin;
                 self.rare[place] = rare;
@@ -228,17 +254,17 @@ impl Bins {
     }
 
     /// The place of a key, or the free one where it belongs.
-    fn place(&self, key: Key) -> usize {
+    fn place(&self, key: RayKey) -> usize {
         let mut index = self.first(key);
-        while self.bins[index].key != key && self.bins[index].key != Key::EMPTY {
+        while self.bins[index].key != key && self.bins[index].key != RayKey::EMPTY {
             index = (index + 1) & (self.bins.len() - 1);
         }
         index
     }
 
     /// What was counted, in no order.
-    pub(super) fn iter(&self) -> impl Iterator<Item = (Key, BinCounts, RareCounts)> {
-        let used = self.bins.iter().zip(&self.rare).filter(|(bin, _)| bin.key != Key::EMPTY);
+    pub(super) fn iter(&self) -> impl Iterator<Item = (RayKey, BinCounts, RareCounts)> {
+        let used = self.bins.iter().zip(&self.rare).filter(|(bin, _)| bin.key != RayKey::EMPTY);
         used.map(|(bin, rare)| {
             let mut counts = self.wide.get(&bin.key).copied().unwrap_or_default();
             counts.add(&bin.counts());
@@ -271,10 +297,9 @@ mod tests {
         let (mut bins, mut other, mut expected) = (Bins::new(), Bins::new(), BTreeMap::new());
         for round in 0..20_000u64 {
             let kind = [RayKind::Camera, RayKind::Bounce, RayKind::Shadow][random.below(3) as usize];
-            let key = Key::new(
-                random.below(30) as Column,
-                random.below(4),
-                random.below(3) as Column,
+            let key = RayKey::new(
+                Sender::new(random.below(30) as Column, random.below(4)),
+                Aim::new(random.below(3) as Column),
                 random.below(40),
                 kind,
             );
@@ -302,7 +327,7 @@ mod tests {
             sums.1[1] += rare[1];
         }
         bins.merge(&other);
-        let found: BTreeMap<Key, (BinCounts, RareCounts)> =
+        let found: BTreeMap<RayKey, (BinCounts, RareCounts)> =
             bins.iter().map(|(key, counts, rare)| (key, (counts, rare))).collect();
         assert!(found == expected && found.len() > 4000);
         assert_eq!(found.values().map(|(counts, _)| counts.rays).sum::<u64>(), 20_000);
@@ -315,12 +340,12 @@ mod tests {
             for (object, material, light, bounce) in
                 [(0, NONE, 0, 0), (2047, 0, 1, 30), (5, NONE - 1, 2047, 31)]
             {
-                let key = Key::new(object, material, light, bounce, kind);
+                let key = RayKey::new(Sender::new(object, material), Aim::new(light), bounce, kind);
                 assert_eq!((key.object(), key.material(), key.light()), (object, material, light));
                 assert_eq!((key.bounce(), key.kind()), (bounce, kind));
-                assert_ne!(key, Key::EMPTY);
+                assert_ne!(key, RayKey::EMPTY);
             }
         }
-        assert_eq!(Key::new(0, 0, 0, 99, RayKind::Bounce).bounce(), LAST_BOUNCE);
+        assert_eq!(RayKey::new(Sender::new(0, 0), Aim::NONE, 99, RayKind::Bounce).bounce(), LAST_BOUNCE);
     }
 }

@@ -15,7 +15,8 @@ mod gather;
 mod payers;
 mod rows;
 
-pub use gather::{BookedPath, BookedPaths, BookedRay, BookedVisit, Keeper, Ledger, Tallies};
+pub use bins::{Aim, RayKey, Sender};
+pub use gather::{BookedPath, BookedPaths, BookedRay, BookedVisit, Ledger};
 pub use payers::{Payer, PayerDesc, Payers};
 pub use rows::{Ledgers, MatrixRow, PayerRow, SpawnerKind, SpawnerRow, Traversal};
 

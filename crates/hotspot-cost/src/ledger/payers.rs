@@ -1,5 +1,7 @@
 //! Who pays for what in a tree, as tables that a traversal can read at each visit.
 
+use super::bins::{Aim, RayKey, Sender};
+use hotspot_probe::{NONE, Spawner};
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
@@ -207,6 +209,26 @@ impl Payers {
     #[inline(always)]
     pub(super) fn light(&self, object: u32) -> Column {
         self.lights.get(object as usize).copied().unwrap_or(0)
+    }
+
+    /// What sends rays from an object with a material ([`hotspot_probe::NONE`]: the camera).
+    #[inline(always)]
+    pub fn sender(&self, object: u32, material: u32) -> Sender {
+        Sender::new(self.slot(object), material)
+    }
+
+    /// What shadow rays to an object are aimed at.
+    #[inline(always)]
+    pub fn aim(&self, light: u32) -> Aim {
+        Aim::new(self.light(light))
+    }
+
+    /// What a ray is booked on.
+    #[inline(always)]
+    pub(super) fn key(&self, by: Spawner) -> RayKey {
+        // Only shadow rays aim.
+        let aim = if by.light == NONE { Aim::NONE } else { self.aim(by.light) };
+        RayKey::new(self.sender(by.object, by.material), aim, by.bounce, by.kind)
     }
 
     /// The tables that each visit reads.

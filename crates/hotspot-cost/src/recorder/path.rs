@@ -3,9 +3,9 @@
 //! A visit of a node adds to the counts of its pixel's visit at once, so that neither a ray nor a path has anything to hand over when
 //! it ends; what is asked of single paths is the difference to what was counted before it. The pixel is written once per visit.
 
-use super::{CostPixel, PathEnd};
+use super::{CostPixel, PathEnd, PathTally};
 use crate::counter::{Cause, Counter};
-use crate::depth_cut::DepthCut;
+use crate::depth_cut::{DepthCut, TERMS};
 use hotspot_probe::{Probe, RayKind, RayProbe, Spawner};
 
 /// Which of a pair of sums shadow rays have; the other is that of camera and bounce rays.
@@ -73,7 +73,7 @@ impl Counts {
 }
 
 /// The counts of a path and of those before it in the same visit of a pixel: the [`Probe`] to hand to a path loop
-/// ([`PixelVisit::path`]), or those of one path alone ([`PathTally`]).
+/// ([`PixelVisit::path`]), or what few of those have that are traced side by side ([`PathTally`]).
 #[derive(Debug)]
 pub struct PathCounts {
     counts: Counts,
@@ -116,7 +116,26 @@ impl PathCounts {
     #[inline(always)]
     pub(crate) fn add_alpha(&mut self, lookups: u32, bytes: u32) {
         self.counts.alpha_tests += 1;
-        self.texture(lookups, bytes);
+        self.add_texture(lookups, bytes);
+    }
+
+    /// Adds look-ups of textures.
+    #[inline(always)]
+    pub(super) fn add_texture(&mut self, lookups: u32, bytes: u32) {
+        self.counts.texture += u64::from(lookups);
+        self.counts.texture_bytes += u64::from(bytes);
+    }
+
+    /// Whether light that could have been scattered `left` times more is kept.
+    #[inline(always)]
+    pub(super) const fn near_limit(left: u32) -> bool {
+        (left as usize) < TERMS
+    }
+
+    /// Adds light.
+    #[inline(always)]
+    pub(super) fn add_light(&mut self, left: u32, luminance: f32) {
+        self.near_limit |= self.cut.arrive(left, luminance);
     }
 }
 
@@ -144,41 +163,12 @@ impl Probe for PathCounts {
 
     #[inline(always)]
     fn texture(&mut self, lookups: u32, bytes: u32) {
-        self.counts.texture += u64::from(lookups);
-        self.counts.texture_bytes += u64::from(bytes);
+        self.add_texture(lookups, bytes);
     }
 
     #[inline(always)]
     fn light(&mut self, left: u32, luminance: f32) {
-        self.near_limit |= self.cut.arrive(left, luminance);
-    }
-}
-
-/// The counts of one path among others that are traced side by side ([`PixelVisit::add`]).
-#[derive(Debug)]
-pub struct PathTally {
-    counts: PathCounts,
-    /// Where ledgers keep how paths went on from the object that it left last.
-    pub(crate) left: usize,
-}
-
-impl PathTally {
-    /// A path that has counted nothing.
-    #[inline(always)]
-    pub fn new() -> Self {
-        Self { counts: PathCounts::none(), left: 0 }
-    }
-
-    /// Its probe.
-    #[inline(always)]
-    pub fn counts(&mut self) -> &mut PathCounts {
-        &mut self.counts
-    }
-}
-
-impl Default for PathTally {
-    fn default() -> Self {
-        Self::new()
+        self.add_light(left, luminance);
     }
 }
 
@@ -265,14 +255,22 @@ impl<'t> PixelVisit<'t> {
 
     /// Adds a path that was traced beside others, and ends it: as if it had been traced here.
     #[inline(always)]
-    pub fn add(&mut self, path: &PathTally, end: PathEnd) {
-        let PathTally { counts: PathCounts { counts, blocked, cut, near_limit }, .. } = path;
+    pub fn add(&mut self, tally: &PathTally, end: PathEnd) {
         let sums = &mut self.path;
-        sums.counts.add(counts);
-        sums.blocked = *blocked;
-        if *near_limit {
-            sums.cut = *cut;
-            sums.near_limit = true;
+        for shadow in [false, true] {
+            let [nodes, leaves] = tally.visits(shadow);
+            sums.add_visits(shadow, nodes, leaves);
+            sums.counts.visits[usize::from(shadow)].rays += tally.rays(shadow);
+        }
+        sums.blocked = tally.blocked();
+        sums.counts.bsdf += tally.evaluations();
+        if let Some(PathCounts { counts, blocked, cut, near_limit }) = tally.if_more() {
+            sums.counts.add(counts);
+            sums.add_blocked(blocked[0], blocked[1]);
+            if *near_limit {
+                sums.cut = *cut;
+                sums.near_limit = true;
+            }
         }
         self.end(end);
     }

@@ -2,7 +2,7 @@
 
 use super::{Kept, Kernel, TileJob, of_half};
 use crate::adaptive::Plan;
-use crate::class::{FullClass, Learning, LobesClass, MatteClass, SceneClass};
+use crate::class::{Class, FullClass, Learning, LobesClass, MatteClass, SceneClass};
 use crate::lanes::{
     Counted, End, INTERRUPTION, LaneScene, Listener, SampleList, SharedClock, View, passed, points_table,
     trace_samples,
@@ -167,8 +167,10 @@ impl CountedList {
         }
         ends.resize(list.len(), End::NOT_YET);
         spent.resize(visits.len(), 0);
-        let listener = match (job.ledger.as_deref_mut(), job.kernel.payers) {
-            (Some(ledger), Some(payers)) => Listener::Books(ledger.side_by_side(payers, tallies)),
+        let listener = match (job.ledger.as_deref_mut(), job.kernel.booking) {
+            (Some(ledger), Some(booking)) => {
+                Listener::Books(ledger.side_by_side(&booking.payers, tallies), booking)
+            }
             _ => Listener::Tallies(tallies),
         };
         let clock = since.map(|_| SharedClock::new(visit_of, spent));
@@ -219,8 +221,7 @@ impl CountedList {
     }
 }
 
-/// Not inlined: compiled once for each class.
-#[inline(never)]
+/// Takes all samples of a list.
 fn take_list<S: Simd>(
     simd: S,
     kernel: &Kernel<'_>,
@@ -229,8 +230,7 @@ fn take_list<S: Simd>(
     found: &mut Vec<[f32; 3]>,
     counted: Option<&mut Counted<'_>>,
 ) {
-    // What rays visit is what is counted.
-    let few = lanes.few.as_ref().filter(|_| counted.is_none());
+    let few = lanes.few.as_ref().filter(|few| counted.is_none() || few.counts());
     let view = View {
         scene: kernel.scene,
         lanes,
@@ -241,26 +241,35 @@ fn take_list<S: Simd>(
         settings: &kernel.path,
         table: points_table(),
     };
-    // Four kernels: what others would save, of textured scenes without cutouts or without learned lights, is little beside what they take to
-    // compile.
+    // Four kernels, where lanes are emulated two: what others would save, of textured scenes without cutouts or without learned lights, is
+    // little beside what they take to compile.
     match (kernel.scene.class(), kernel.path.learned.is_some()) {
-        (SceneClass::Matte, false) => simd.vectorize(
-            #[inline(always)]
-            || trace_samples::<S, MatteClass>(simd, &view, list, found, counted),
-        ),
-        (SceneClass::Lobes, false) => simd.vectorize(
-            #[inline(always)]
-            || trace_samples::<S, LobesClass>(simd, &view, list, found, counted),
-        ),
-        (SceneClass::Matte | SceneClass::Lobes, true) => simd.vectorize(
-            #[inline(always)]
-            || trace_samples::<S, Learning<LobesClass>>(simd, &view, list, found, counted),
-        ),
-        (SceneClass::Textured | SceneClass::Full, _) => simd.vectorize(
-            #[inline(always)]
-            || trace_samples::<S, Learning<FullClass>>(simd, &view, list, found, counted),
-        ),
+        (SceneClass::Matte, false) if !S::EMULATED => {
+            take_list_of::<S, MatteClass>(simd, &view, list, found, counted);
+        }
+        (SceneClass::Matte | SceneClass::Lobes, false) => {
+            take_list_of::<S, LobesClass>(simd, &view, list, found, counted);
+        }
+        (SceneClass::Matte | SceneClass::Lobes, true) if !S::EMULATED => {
+            take_list_of::<S, Learning<LobesClass>>(simd, &view, list, found, counted);
+        }
+        _ => take_list_of::<S, Learning<FullClass>>(simd, &view, list, found, counted),
     }
+}
+
+/// Not inlined: where lanes are emulated the kernels would be one function, that takes compilers longer than each by itself.
+#[inline(never)]
+fn take_list_of<S: Simd, C: Class>(
+    simd: S,
+    view: &View<'_>,
+    list: &SampleList,
+    found: &mut Vec<[f32; 3]>,
+    counted: Option<&mut Counted<'_>>,
+) {
+    simd.vectorize(
+        #[inline(always)]
+        || trace_samples::<S, C>(simd, view, list, found, counted),
+    );
 }
 
 /// Adds what was found to its pixels, in the order of samples.
@@ -298,7 +307,7 @@ fn keep_counted<'f, S: Simd>(
                 let &End { cause, throughput, first_object } = end;
                 let brought_radiance = finite && radiance != Vec3::ZERO;
                 visit.add(tally, PathEnd { cause, throughput, brought_radiance, first_object });
-                *tally = PathTally::new();
+                tally.clear();
             }
         },
     );

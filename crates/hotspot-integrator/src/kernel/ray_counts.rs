@@ -185,7 +185,7 @@ fn check(name: &str, scene: &Scene, instancing: Instancing) -> Held {
         counted: 3,
         radiance: true,
         clock: false,
-        payers: None,
+        booking: None,
         lanes: None,
         counted_in_eights: false,
         packets: true,

@@ -5,11 +5,12 @@
 
 use super::clock::SharedClock;
 use crate::path::LUMINANCE;
+use crate::payers::Booking;
 use crate::scene::RenderScene;
 use hotspot_bvh::lanes::LaneProbes;
 use hotspot_bvh::simd::{F8, Floats, Integers, Lanes, Simd, U8, Vectors};
-use hotspot_cost::ledger::{BookedPaths, BookedRay, Tallies};
-use hotspot_cost::{Cause, PathCounts, PathTally, RayCounter};
+use hotspot_cost::ledger::{BookedPaths, BookedRay, RayKey};
+use hotspot_cost::{Cause, PathTally, TalliedRay};
 use hotspot_probe::{NONE, NoProbe, Probe, RayKind, Spawner};
 
 /// How a path ended.
@@ -30,7 +31,7 @@ impl End {
 /// Who listens.
 pub(crate) enum Listener<'p> {
     Tallies(&'p mut [PathTally]),
-    Books(BookedPaths<'p>),
+    Books(BookedPaths<'p>, &'p Booking),
 }
 
 /// The counts of a list's paths, by number, and how they end.
@@ -42,12 +43,11 @@ pub(crate) struct Counted<'p> {
 
 impl Counted<'_> {
     #[inline(always)]
-    fn path(&mut self, number: u32) -> &mut PathCounts {
-        let tallies = match &mut self.listener {
+    fn tallies(&mut self) -> &mut [PathTally] {
+        match &mut self.listener {
             Listener::Tallies(tallies) => tallies,
-            Listener::Books(books) => books.tallies(),
-        };
-        tallies[number as usize].counts()
+            Listener::Books(books, _) => books.tallies(),
+        }
     }
 
     /// The paths of lanes `ended` end with this throughput.
@@ -99,8 +99,9 @@ impl Counted<'_> {
 
     #[inline(never)]
     fn light_each(&mut self, number: &U8, luminance: &F8, left: &U8, lit: u32) {
+        let tallies = self.tallies();
         for lane in Lanes(lit) {
-            self.path(number.0[lane]).light(left.0[lane], luminance.0[lane]);
+            tallies[number.0[lane] as usize].light(left.0[lane], luminance.0[lane]);
         }
     }
 
@@ -112,25 +113,27 @@ impl Counted<'_> {
         }
     }
 
-    /// BSDFs were evaluated or sampled in lanes `asked`.
+    /// BSDFs were evaluated in lanes `evaluated`, and sampled in lanes `sampled`, which are at least those.
     #[inline(always)]
-    pub(super) fn bsdfs<S: Simd>(&mut self, number: Integers<S>, asked: u32) {
-        self.bsdfs_each(&number.store(), asked);
+    pub(super) fn bsdfs<S: Simd>(&mut self, number: Integers<S>, evaluated: u32, sampled: u32) {
+        self.bsdfs_each(&number.store(), evaluated, sampled);
     }
 
     #[inline(never)]
-    fn bsdfs_each(&mut self, number: &U8, asked: u32) {
-        for lane in Lanes(asked) {
-            self.path(number.0[lane]).bsdf(1);
+    fn bsdfs_each(&mut self, number: &U8, evaluated: u32, sampled: u32) {
+        let tallies = self.tallies();
+        for lane in Lanes(sampled) {
+            tallies[number.0[lane] as usize].bsdf(1 + (evaluated >> lane & 1));
         }
     }
 
     /// Textures were looked up.
     #[inline(never)]
     pub(super) fn textures(&mut self, number: &U8, lookups: &[Lookups; 8]) {
+        let tallies = self.tallies();
         for (number, Lookups { lookups, bytes }) in number.0.iter().zip(lookups) {
             if *lookups > 0 {
-                self.path(*number).texture(*lookups, *bytes);
+                tallies[*number as usize].texture(*lookups, *bytes);
             }
         }
     }
@@ -190,17 +193,13 @@ impl Senders<'_> {
     }
 
     #[inline(always)]
-    fn spawner(&self, lane: usize) -> Spawner {
-        let bounce = self.bounces.0[lane];
-        let shadow = self.kind == RayKind::Shadow;
-        if !shadow && bounce == 0 {
-            return Spawner::CAMERA;
+    fn key(&self, booking: &Booking, lane: usize) -> RayKey {
+        let (part, bounce) = (self.part.0[lane], self.bounces.0[lane]);
+        if self.kind == RayKind::Shadow {
+            booking.shadow(&self.scene.geometry, part, self.to.0[lane], bounce)
+        } else {
+            booking.onward(part, bounce)
         }
-        let parts = &self.scene.geometry;
-        let part = parts.part_of_number(self.part.0[lane]);
-        let to = if shadow { self.to.0[lane] } else { NONE };
-        let light = if to == NONE { NONE } else { parts.part(to).object };
-        Spawner { object: part.object, material: part.material, bounce, kind: self.kind, light }
     }
 }
 
@@ -212,40 +211,31 @@ pub(super) struct TalliedRays<'a> {
 
 impl LaneProbes for TalliedRays<'_> {
     type Ray<'r>
-        = RayCounter<'r>
+        = TalliedRay<'r>
     where
         Self: 'r;
 
     #[inline(always)]
-    fn ray(&mut self, lane: usize) -> RayCounter<'_> {
-        // Nothing else is asked of it.
-        let by = Spawner { kind: self.senders.kind, ..Spawner::CAMERA };
-        self.tallies[self.senders.number(lane)].counts().ray(by)
+    fn ray(&mut self, lane: usize) -> TalliedRay<'_> {
+        self.tallies[self.senders.number(lane)].ray(self.senders.kind == RayKind::Shadow)
     }
-
-    #[inline(always)]
-    fn ended(&mut self) {}
 }
 
 /// Rays that are booked and counted.
 pub(super) struct BookedRays<'a, 'p> {
     pub(super) books: &'a mut BookedPaths<'p>,
+    pub(super) booking: &'a Booking,
     pub(super) senders: &'a Senders<'a>,
 }
 
 impl<'p> LaneProbes for BookedRays<'_, 'p> {
     type Ray<'r>
-        = BookedRay<'r, 'p, Tallies<'p>>
+        = BookedRay<'r, 'p>
     where
         Self: 'r;
 
     #[inline(always)]
-    fn ray(&mut self, lane: usize) -> BookedRay<'_, 'p, Tallies<'p>> {
-        self.books.ray(self.senders.number(lane), self.senders.spawner(lane))
-    }
-
-    #[inline(always)]
-    fn ended(&mut self) {
-        self.books.end_ray();
+    fn ray(&mut self, lane: usize) -> BookedRay<'_, 'p> {
+        self.books.ray(self.senders.number(lane), self.senders.key(self.booking, lane))
     }
 }

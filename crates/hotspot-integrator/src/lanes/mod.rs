@@ -2,15 +2,16 @@
 //!
 //! What is not tracing (sampler, light, BSDF, normals, points) is more than half of a path, and most of it is the same for every path: so
 //! paths go eight at a time, in the lanes of vectors ([`path`]). In scenes of some dozens of triangles their rays try
-//! all triangles at once ([`hotspot_bvh::few`]); in others each searches the tree by itself ([`tree`]). Each formula is that of the single
+//! all triangles at once ([`few`]); in others each searches the tree by itself ([`tree`]). Each formula is that of the single
 //! path ([`crate::path`]), in the same order of operations, so pictures are the same bit for bit.
 //!
-//! Paths that are counted ([`counts`]) go eight at a time as well: each of their rays searches the tree, and time is shared out among their pixels
-//! ([`clock`]).
+//! Paths that are counted ([`counts`]) go eight at a time as well: each of their rays tells what it visits, and time is shared out among their
+//! pixels ([`clock`]).
 
 mod bsdf;
 mod clock;
 mod counts;
+mod few;
 pub(crate) mod math;
 mod path;
 mod sampler;
@@ -27,8 +28,8 @@ use crate::scene::RenderScene;
 use bsdf::{BUMPY, GLOWS, Kind, VARIES};
 pub(crate) use clock::{INTERRUPTION, SharedClock, passed};
 pub(crate) use counts::{Counted, End, Listener};
+use few::Few;
 use glam::Vec3;
-use hotspot_bvh::few::FewTriangles;
 use hotspot_bvh::simd::{Doubles, Floats, Integers, Lanes, Mask, Simd, Vectors, set_vector};
 use hotspot_probe::NONE;
 use hotspot_scene::{Alpha, Bsdf, Material};
@@ -38,8 +39,8 @@ pub(crate) use sampler::points_table;
 /// What paths in lanes read of a scene, beside its geometry.
 #[derive(Clone, Debug)]
 pub(crate) struct LaneScene {
-    /// Where all triangles are tried instead of searched, as long as nobody counts visits.
-    pub(crate) few: Option<FewTriangles>,
+    /// Where all triangles are tried instead of searched.
+    pub(crate) few: Option<Few>,
     lights: LightLanes,
     /// Of each part ([`PartLanes`]).
     rows: Vec<[f32; ROW]>,
@@ -69,7 +70,7 @@ struct PartLanes<S: Simd> {
 }
 
 impl LaneScene {
-    /// `None` for scenes without triangles, and of so many that lanes could not read their tables. All of them are tried where there are at most [`FewTriangles::MOST`], of regular shape and opaque, none in
+    /// `None` for scenes without triangles, and of so many that lanes could not read their tables. All of them are tried where there are at most [`FewTriangles::MOST`](hotspot_bvh::few::FewTriangles::MOST), of regular shape and opaque, none in
     /// instances, and neither an environment nor a light without area; unless a parallel camera looks along one: all of its rays would be doubtful.
     pub(crate) fn new(scene: &RenderScene, camera: &FilmCamera) -> Option<Self> {
         let geometry = &scene.geometry;
@@ -88,7 +89,7 @@ impl LaneScene {
         let few = if !lights.are_surfaces() || scene.cutouts.any() || instanced {
             None
         } else {
-            FewTriangles::new(&geometry.triangles, camera.reach())
+            Few::new(scene, camera.reach())
         };
         let few =
             few.filter(|few| !camera.parallel_direction().is_some_and(|direction| few.has_along(direction)));

@@ -8,6 +8,7 @@ mod pool;
 
 use super::bsdf::{At, BUMPY, BsdfLanes, GLOWS, Kind};
 use super::counts::{Counted, Lookups, Senders};
+use super::few::{self, Few};
 use super::math::{FrameLanes, facing, max_element, power_heuristic};
 use super::sampler::Points;
 use super::surface::{
@@ -17,13 +18,12 @@ use super::surface::{
 use super::tree::{self, Query};
 use super::{LaneScene, PointLanes};
 use crate::camera::FilmCamera;
-use crate::class::{Class, Feature, MatteClass, has};
+use crate::class::{Class, Feature, has};
 use crate::light::{LightSamples, ViewpointLanes, sample_each, way_to_positions};
 use crate::path::PathSettings;
 use crate::roulette::LEAST_BASE;
 use crate::scene::RenderScene;
 use hotspot_bvh::NO_INSTANCE;
-use hotspot_bvh::few::{FewTriangles, Tried};
 use hotspot_bvh::rays::{Hits, Nearest, Rays};
 use hotspot_bvh::simd::{Floats, Integers, Lanes, Mask, Simd, U8, Vectors};
 use hotspot_cost::Cause;
@@ -64,7 +64,7 @@ pub(crate) struct View<'a> {
     pub(crate) scene: &'a RenderScene,
     pub(crate) lanes: &'a LaneScene,
     /// Where all triangles are tried.
-    pub(crate) few: Option<&'a FewTriangles>,
+    pub(crate) few: Option<&'a Few>,
     /// Whether camera rays go in packets.
     pub(crate) packets: bool,
     pub(crate) camera: &'a FilmCamera,
@@ -116,7 +116,7 @@ struct Vertex<S: Simd> {
     bsdf: BsdfLanes<S>,
 }
 
-/// Takes all samples of a list; their radiance goes to `found`, in the list's order. Where they are `counted`, no triangles are tried and no
+/// Takes all samples of a list; their radiance goes to `found`, in the list's order. Where they are `counted`, no
 /// rays go in packets: what they visit is what is counted.
 #[inline(always)]
 pub(crate) fn trace_samples<S: Simd, C: Class>(
@@ -371,14 +371,15 @@ impl<S: Simd> Paths<S> {
         }
         let vertex = Vertex { primitive: leaves, part, geometric, frame, local_wo, point, viewpoint, bsdf };
         let lit = alive & !bsdf.speculars;
+        let mut evaluated = 0;
         if lit != 0 {
-            self.add_direct_light::<C>(s, view, &vertex, lit, counted.as_deref_mut(), lookups);
+            evaluated = self.add_direct_light::<C>(s, view, &vertex, lit, counted.as_deref_mut(), lookups);
         }
 
         // The BSDF's direction.
         let sample = bsdf.sample::<C>(s, local_wo, [u, v], alive);
         if let Some(counted) = &mut counted {
-            counted.bsdfs(self.number, alive);
+            counted.bsdfs(self.number, evaluated, alive);
             counted.end(Cause::Absorbed, self.number, max_element(self.throughput), alive & !sample.there);
         }
         alive &= sample.there;
@@ -464,36 +465,37 @@ impl<S: Simd> Paths<S> {
     ) -> (Hits<S>, Integers<S>) {
         let View { scene, few, .. } = *view;
         let in_world = Integers::splat(s, NO_INSTANCE);
-        let Some(few) = few else {
-            let keys = self.ray_keys::<C>(s, 0);
-            let query = Query { scene, rays: &self.rays, from: self.from, keys, active };
-            let nearest = match (known, counted) {
-                (Some(nearest), _) => nearest,
-                (None, None) => query.nearest::<C>(s),
-                (None, Some(counted)) => {
-                    // Camera rays leave none.
-                    let part = if C::TEXTURED {
-                        self.part
-                    } else {
-                        scene.geometry.part_numbers::<S, C>(self.from, in_world)
-                    };
-                    let part = part.store();
-                    let senders = self.senders(scene, RayKind::Bounce, [part, part]);
-                    query.nearest_counted::<C>(s, &mut counted.listener, &senders)
-                }
-            };
-            if has::<C>(Feature::Instances) {
-                let placed = nearest.found & !nearest.instance.is(NO_INSTANCE).bits();
-                if placed != 0 {
-                    let hits = tree::placed_hits(s, scene, &self.rays, nearest, placed);
-                    return (hits, nearest.instance);
-                }
-            }
-            return (tree::hits(s, scene, &self.rays, nearest), in_world);
+        let keys = if few.is_some() { Integers::splat(s, 0) } else { self.ray_keys::<C>(s, 0) };
+        let query = Query { scene, rays: &self.rays, from: self.from, keys, active };
+        let told = counted.map(
+            #[inline(always)]
+            |counted| {
+                // Camera rays leave none.
+                let part = if C::TEXTURED {
+                    self.part
+                } else {
+                    scene.geometry.part_numbers::<S, C>(self.from, in_world)
+                };
+                let part = part.store();
+                (&mut counted.listener, self.senders(scene, RayKind::Bounce, [part, part]))
+            },
+        );
+        if let Some(few) = few {
+            return (few::hits(s, few, &query, told), in_world);
+        }
+        let nearest = match (known, told) {
+            (Some(nearest), _) => nearest,
+            (None, None) => query.nearest::<C>(s),
+            (None, Some((listener, senders))) => query.nearest_counted::<C>(s, listener, &senders),
         };
-        let Tried { hits, doubtful } = few.closest_hits(s, &self.rays, self.from, active);
-        let hits = if doubtful == 0 { hits } else { hits_of_doubtful(s, view, self, (hits, doubtful)) };
-        (hits, in_world)
+        if has::<C>(Feature::Instances) {
+            let placed = nearest.found & !nearest.instance.is(NO_INSTANCE).bits();
+            if placed != 0 {
+                let hits = tree::placed_hits(s, scene, &self.rays, nearest, placed);
+                return (hits, nearest.instance);
+            }
+        }
+        (tree::hits(s, scene, &self.rays, nearest), in_world)
     }
 
     /// Roulette: the lanes that survive, with what makes up for the others.
@@ -545,7 +547,7 @@ impl<S: Simd> Paths<S> {
         light.with(s, unknown, others)
     }
 
-    /// The light-sampled half of direct light.
+    /// The light-sampled half of direct light. The lanes whose BSDF was evaluated for it.
     #[inline(always)]
     fn add_direct_light<C: Class>(
         &mut self,
@@ -555,15 +557,13 @@ impl<S: Simd> Paths<S> {
         active: u32,
         mut counted: Option<&mut Counted<'_>>,
         lookups: &mut [Lookups; 8],
-    ) {
+    ) -> u32 {
         let View { scene, lanes, few, .. } = *view;
         let zero = Floats::splat(s, 0.0);
         let light = self.light_samples::<C>(s, view, vertex, active, lookups);
-        if light.there == 0 {
-            return;
-        }
-        if let Some(counted) = &mut counted {
-            counted.bsdfs(self.number, light.there);
+        let evaluated = light.there;
+        if evaluated == 0 {
+            return 0;
         }
         let wi = vertex.frame.to_local(light.wi);
         let (f_cos, mut pdf) = vertex.bsdf.eval::<C>(s, vertex.local_wo, wi, light.there);
@@ -584,7 +584,7 @@ impl<S: Simd> Paths<S> {
         }
         lit &= (f_cos.any() & emission.any()).bits();
         if lit == 0 {
-            return;
+            return evaluated;
         }
         let origin = vertex.point.leave(facing(s, vertex.geometric, light.wi));
         let towards = (-light.normal).or_where_not(light.cos.less(zero), light.normal);
@@ -593,15 +593,18 @@ impl<S: Simd> Paths<S> {
         let mut ends = [vertex.primitive, light.primitive];
         let (infinite, nothing) = (Floats::splat(s, f32::INFINITY), Integers::splat(s, NONE));
         let mut t_max = Floats::splat(s, 1.0);
-        let mut dark;
+        let dark;
         if let Some(few) = few {
-            let blocked = few.blocked(s, &rays, ends, lit);
-            dark = blocked.surely;
-            if blocked.doubtful != 0 {
-                let keys = Integers::splat(s, 0);
-                let query = Query { scene, rays: &rays, from: ends[0], keys, active: blocked.doubtful };
-                dark |= query.blocked::<MatteClass>(s, ends[1], t_max);
-            }
+            let keys = Integers::splat(s, 0);
+            let query = Query { scene, rays: &rays, from: ends[0], keys, active: lit };
+            let told = counted.as_deref_mut().map(
+                #[inline(always)]
+                |counted| {
+                    let places = [vertex.part.store(), ends[1].store()];
+                    (&mut counted.listener, self.senders(scene, RayKind::Shadow, places))
+                },
+            );
+            dark = few::blocked(s, few, &query, ends[1], told);
         } else {
             if light.sky != 0 {
                 let sky = Mask::of_bits(s, light.sky);
@@ -649,39 +652,6 @@ impl<S: Simd> Paths<S> {
             let left = self.scatterings_left(s, view) - 1;
             counted.light(s, self.number, found, left, shown);
         }
+        evaluated
     }
-}
-
-/// Hits with those of doubtful rays, from the tree.
-#[cold]
-#[inline(never)]
-fn hits_of_doubtful<S: Simd>(
-    s: S,
-    view: &View<'_>,
-    paths: &Paths<S>,
-    (hits, doubtful): (Hits<S>, u32),
-) -> Hits<S> {
-    s.vectorize(
-        #[inline(always)]
-        || {
-            // Few triangles are all there.
-            let keys = Integers::splat(s, 0);
-            let rays = &paths.rays;
-            let query = Query { scene: view.scene, rays, from: paths.from, keys, active: doubtful };
-            let nearest = query.nearest::<MatteClass>(s);
-            let found = tree::hits(s, view.scene, &paths.rays, nearest);
-            let sure = Mask::of_bits(s, !doubtful);
-            let [a, b, c] = hits.corners;
-            let [d, e, f] = found.corners;
-            Hits {
-                found: hits.found | found.found,
-                primitive: hits.primitive.or_where_not(sure, found.primitive),
-                corners: [a.or_where_not(sure, d), b.or_where_not(sure, e), c.or_where_not(sure, f)],
-                t: sure.select(hits.t, found.t),
-                u: sure.select(hits.u, found.u),
-                v: sure.select(hits.v, found.v),
-                normal: hits.normal.or_where_not(sure, found.normal),
-            }
-        },
-    )
 }

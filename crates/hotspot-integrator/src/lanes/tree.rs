@@ -41,7 +41,9 @@ impl<S: Simd> Query<'_, S> {
     ) -> Nearest<S> {
         match listener {
             Listener::Tallies(tallies) => self.nearest_of::<C, _>(s, &mut TalliedRays { tallies, senders }),
-            Listener::Books(books) => self.nearest_of::<C, _>(s, &mut BookedRays { books, senders }),
+            Listener::Books(books, booking) => {
+                self.nearest_of::<C, _>(s, &mut BookedRays { books, booking, senders })
+            }
         }
     }
 
@@ -64,7 +66,9 @@ impl<S: Simd> Query<'_, S> {
             Listener::Tallies(tallies) => {
                 self.blocked_of::<C, _>(s, ends, &mut TalliedRays { tallies, senders })
             }
-            Listener::Books(books) => self.blocked_of::<C, _>(s, ends, &mut BookedRays { books, senders }),
+            Listener::Books(books, booking) => {
+                self.blocked_of::<C, _>(s, ends, &mut BookedRays { books, booking, senders })
+            }
         }
     }
 

@@ -23,7 +23,8 @@ fn full_sums_lose_nothing() {
     visit.pairs.iter_mut().take(2 * payers.columns()).for_each(|pair| *pair = full.word());
     let mut path = visit.path();
     // As if earlier rays of the path had visited so much.
-    path.visit.state.sums[..2].fill([full; PAIRS]);
+    path.visit.tally.end_ray(false, [full; PAIRS], false);
+    path.visit.tally.end_ray(true, [full; PAIRS], false);
     let shadow = Spawner { kind: RayKind::Shadow, ..Spawner::CAMERA };
     let [mut nodes, mut leaves] = [0u64; 2];
     for (round, by) in [Spawner::CAMERA, shadow, shadow, Spawner::CAMERA].into_iter().enumerate() {
@@ -40,8 +41,7 @@ fn full_sums_lose_nothing() {
         ray.finish(true);
     }
     // Into sums that are as good as full: as much again, twice, which no pair could hold.
-    path.visit.state.count_sums();
-    path.visit.state.sums[0] = [full; PAIRS];
+    path.visit.tally.end_ray(false, [full; PAIRS], false);
     for _ in 0..2 {
         let mut ray = path.ray(Spawner::CAMERA);
         for _ in 0..Pair::FULL {
