@@ -13,7 +13,8 @@ table=$root/benches/gates/instructions.tsv
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$root"
-cargo build -q --locked --profile bench -p hotspot-benches --bin kernels
+# With the renderer, whose features its dependencies have then, so that what that is made of is not compiled again.
+cargo build -q --locked --profile bench -p hotspot-benches -p hotspot-render --bin kernels
 kernels=${CARGO_TARGET_DIR:-target}/release/kernels
 for kernel in $("$kernels"); do
     said=$(valgrind --tool=callgrind --callgrind-out-file="$work/out" --toggle-collect='kernels::measured*' \

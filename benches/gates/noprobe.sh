@@ -20,7 +20,8 @@ workspace() {
     cp -r "$root/crates/hotspot-bvh" "$root/crates/hotspot-probe" "$to/crates/"
     cp "$root/Cargo.lock" "$to/"
     sed -e 's/^members = .*/members = ["crates\/hotspot-bvh", "crates\/hotspot-probe"]/' \
-        -e '/^hotspot-\(scene\|cost\|integrator\) = /d' "$root/Cargo.toml" >"$to/Cargo.toml"
+        -e '/^hotspot-\(scene\|cost\|integrator\) = /d' \
+        -e '/^\[profile\..*\.package\.hotspot-\(benches\|cost\|integrator\)\]/,/^$/d' "$root/Cargo.toml" >"$to/Cargo.toml"
 }
 
 # Assembly of the example, one function per line: name, then instructions; local labels without their function's number,

@@ -3,7 +3,7 @@
 //! A [`TileRecorder`] belongs to one worker: no locks, no statics. For each pixel it opens a [`PixelRecorder`], that opens a
 //! [`PathRecorder`] for each path, that hands a [`RayCounter`] to each traversal. Who takes several samples of a pixel at once opens
 //! a [`PixelVisit`] (running sums, on the stack), whose [`PathCounts`] are the probe of one path after the other; who traces them side by
-//! side gives each a [`PathTally`] and adds these in the order of samples.
+//! side, or books them, gives each a [`PathTally`] and adds these in the order of samples.
 //!
 //! Sums are added sample by sample in the order of the calls, so that the result does not depend on how the samples are
 //! split into passes.

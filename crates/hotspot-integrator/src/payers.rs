@@ -56,7 +56,7 @@ impl Booking {
         Self { payers, camera, parts }
     }
 
-    /// What a camera or bounce ray that leaves this part is booked on; after no bounces none is left.
+    /// What a bounce ray that leaves this part is booked on; before any bounce a camera ray, which leaves none.
     #[inline(always)]
     pub(crate) fn onward(&self, part: u32, bounce: u32) -> RayKey {
         if bounce == 0 {

@@ -1,10 +1,10 @@
 //! What rays visit of the tree of few triangles, said from what they hit: for who counts visits and does not search.
 //!
 //! **Nearest hits.** A search visits the children of a node in the order of their entries, and those alone that begin no later than what it has
-//! hit by then. The boxes that lead to the nearest hit begin no later than that, since boxes nest and roundings are monotone; so of the root's
-//! children those are visited that begin no later than the nearest hit does, whatever else was hit before it. The same is
-//! surely so further below where no child that is entered begins later; of other rays (few trees of few triangles have many nodes)
-//! it depends on the order, and they are handed back.
+//! hit by then. The boxes that lead to the nearest hit begin no later than that: its distance is clamped to its triangle's own box, boxes nest, and
+//! roundings are monotone. So of the root's children those are visited that begin no later than the nearest hit does, whatever else was
+//! hit before it. The same is surely so further below where no child that is entered begins later; of other rays (few trees of few
+//! triangles have many nodes) it may depend on the order, and they are handed back.
 //!
 //! **Blocked rays** end in the leaf block where the search, in the order of slots, comes upon a hit; those that are not blocked visit all that they
 //! enter.
@@ -49,7 +49,7 @@ pub struct FewVisits {
 }
 
 impl FewVisits {
-    /// `None` for trees that are empty, too large, or have instances.
+    /// `None` for trees that are empty, have instances, more than 8 inner nodes, or more than 32 nodes and leaf blocks.
     pub fn new(bvh: &Bvh) -> Option<Self> {
         let triangles =
             bvh.blocks.iter().map(|block| block.primitives.iter().filter(|p| **p != NO_PRIMITIVE).count());
@@ -113,7 +113,8 @@ impl FewVisits {
     }
 
     /// Tells of the rays of `lanes`, which end at `t_max` and before that hit something in these leaf blocks or nothing, what they visit,
-    /// as [`Bvh::occluded_lanes`] does.
+    /// as [`Bvh::occluded_lanes`] does. Of blocks with a hit none may be missing: bits as
+    /// [`FewTriangles::blocked_where`](super::FewTriangles::blocked_where) finds them with [`Self::leaf_of`].
     #[inline(always)]
     pub fn of_shadow<S: Simd, P: LaneProbes>(
         &self,

@@ -73,7 +73,7 @@ impl Counts {
 }
 
 /// The counts of a path and of those before it in the same visit of a pixel: the [`Probe`] to hand to a path loop
-/// ([`PixelVisit::path`]), or what few of those have that are traced side by side ([`PathTally`]).
+/// ([`PixelVisit::path`]), or, in a [`PathTally`], what few paths have.
 #[derive(Debug)]
 pub struct PathCounts {
     counts: Counts,
@@ -253,7 +253,7 @@ impl<'t> PixelVisit<'t> {
         &mut self.path
     }
 
-    /// Adds a path that was traced beside others, and ends it: as if it had been traced here.
+    /// Adds a path that was counted in a tally, and ends it: as if it had been counted here.
     #[inline(always)]
     pub fn add(&mut self, tally: &PathTally, end: PathEnd) {
         let sums = &mut self.path;

@@ -1,4 +1,4 @@
-//! The counts of paths that are traced side by side, each until it is added to its pixel.
+//! The counts of one path by itself, until it is added to its pixel: of those that are traced side by side or booked.
 
 use super::path::PathCounts;
 use crate::pair::{LEAVES, NODES, PAIRS, Pair};
@@ -7,13 +7,13 @@ use hotspot_probe::RayProbe;
 /// The sums of shadow rays that were blocked; the first two are those of a `bool`.
 const BLOCKED: usize = 2;
 
-/// What else there is than what [`PathTally`] counts by itself.
+/// In [`PathTally::left`]: there is something in `more`.
 const MORE: u32 = 1 << 31;
-/// What the ray at hand visited and pairs cannot hold.
+/// The same of `odd`.
 const ODD: u32 = 1 << 30;
 
-/// The counts of one path among others that are traced side by side ([`PixelVisit::add`](super::PixelVisit::add)). What every ray adds to is one
-/// cache line: many paths are under way at once.
+/// The counts of one path ([`PixelVisit::add`](super::PixelVisit::add)), such as of one among others that are traced side by side. What every ray
+/// adds to is one cache line: many paths are under way at once then.
 ///
 /// A path may send 2^32 rays of each kind. One of them may visit 2^27 nodes and as many leaf blocks from its start or an instance to the next
 /// or its end, as many as a tree may have: of one that visits more, the sums are wrong.
@@ -21,7 +21,7 @@ const ODD: u32 = 1 << 30;
 #[repr(C, align(64))]
 pub struct PathTally {
     /// Visits of the path's rays, nodes with boxes and leaf blocks with shapes: of camera and bounce rays, of shadow rays, of blocked shadow rays.
-    /// None is full between rays.
+    /// None is full between rays, blocked ones being shadow rays.
     sums: [[Pair; PAIRS]; 3],
     /// Camera and bounce rays, shadow rays.
     rays: [u32; 2],

@@ -320,3 +320,60 @@ fn visits_of_several_paths_leave_what_paths_one_by_one_do() {
     assert!(visits.counts.iter().all(|sum| *sum > 0) && visits.samples == 213);
     assert!(visits.cut.throughput > 0.0 && visits.cut.last.iter().all(|sum| *sum > 0.0));
 }
+
+/// Rays of a tally with visits that no pair can hold, sums that fill up, instances, alpha tests, textures and light: as the same rays of a path that
+/// counts each visit at once.
+#[test]
+fn tallies_are_what_paths_count_at_once() {
+    let mut frame = Frame::new(FrameDesc::new(2, 1));
+    let mut random = Random::new(8);
+    let mut tally = PathTally::new();
+    for path in 0..40 {
+        let end = PathEnd { brought_radiance: path % 3 > 0, ..END };
+        let mut pixel = frame.tiles_mut()[0].pixel(0, 0, 0);
+        let mut expected = pixel.path();
+        for ray in 0..path % 5 {
+            let shadow = ray % 2 == 1;
+            let by =
+                Spawner { kind: if shadow { RayKind::Shadow } else { RayKind::Bounce }, ..Spawner::CAMERA };
+            let (mut one, mut other) = (expected.ray(by), tally.ray(shadow));
+            for _ in 0..random.below(30) {
+                let boxes = [random.below(9), 254, 255, 70_000][random.below(4) as usize];
+                match random.below(4) {
+                    0 if path % 2 == 0 => {
+                        one.instance(1);
+                        other.instance(1);
+                    }
+                    1 => {
+                        one.leaf(3, boxes);
+                        other.leaf(3, boxes);
+                    }
+                    2 if path % 2 == 0 => {
+                        one.alpha(2, 8);
+                        other.alpha(2, 8);
+                    }
+                    _ => {
+                        one.node(2, boxes);
+                        other.node(2, boxes);
+                    }
+                }
+            }
+            let hit = random.below(2) == 1;
+            one.finish(hit);
+            other.finish(hit);
+        }
+        expected.bsdf(3);
+        tally.bsdf(3);
+        if path % 4 == 0 {
+            expected.texture(2, 64);
+            tally.texture(2, 64);
+            expected.light(path % 7, 0.5);
+            tally.light(path % 7, 0.5);
+        }
+        expected.end(end);
+        frame.tiles_mut()[0].pixel(1, 0, 0).visit().add(&tally, end);
+        tally.clear();
+    }
+    assert_eq!(frame.cost(1, 0, 0), frame.cost(0, 0, 0));
+    assert!(frame.cost(0, 0, 0).is_some_and(|cost| cost.get(Counter::WasteShapes) > 1 << 20));
+}

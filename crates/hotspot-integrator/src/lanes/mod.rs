@@ -39,7 +39,7 @@ pub(crate) use sampler::points_table;
 /// What paths in lanes read of a scene, beside its geometry.
 #[derive(Clone, Debug)]
 pub(crate) struct LaneScene {
-    /// Where all triangles are tried instead of searched.
+    /// Where all triangles are tried instead of searched; by paths that are counted only if it counts ([`Few::counts`]).
     pub(crate) few: Option<Few>,
     lights: LightLanes,
     /// Of each part ([`PartLanes`]).

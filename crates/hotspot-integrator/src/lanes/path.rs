@@ -117,7 +117,7 @@ struct Vertex<S: Simd> {
 }
 
 /// Takes all samples of a list; their radiance goes to `found`, in the list's order. Where they are `counted`, no
-/// rays go in packets: what they visit is what is counted.
+/// rays go in packets, which share their visits.
 #[inline(always)]
 pub(crate) fn trace_samples<S: Simd, C: Class>(
     s: S,
