@@ -16,7 +16,7 @@
 //! all distances: nothing is sure then, and nothing that is hit is away. The decisions of `triangle.rs` are made in f64, or by f32 distances
 //! within 4u|t| of the true ones, which is less than what is left of t's bound.
 //!
-//! Of what a search would visit [`FewVisits`] tells.
+//! What rays would visit in the tree [`FewVisits`] tells from what they hit here.
 
 mod face;
 #[cfg(test)]
@@ -212,8 +212,14 @@ fn details<S: Simd>(s: S, rays: &Rays<S>, [a, b, c]: [Vectors<S>; 3]) -> [Floats
 fn slab<S: Simd>([a, b, c]: [Floats<S>; 3], o: Floats<S>, d: Floats<S>) -> (Floats<S>, Floats<S>) {
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
     let inverse = 1.0 / d;
-    let down = d.bits().shift_right::<31>().is(1);
+    let down = is_down(d);
     ((down.select(high, low) - o) * inverse, (down.select(low, high) - o) * inverse)
+}
+
+/// Where the sign is set, of zeros too.
+#[inline(always)]
+fn is_down<S: Simd>(d: Floats<S>) -> Mask<S> {
+    d.bits().shift_right::<31>().is(1)
 }
 
 /// Added up from 0 on, as `decide` does: it turns −0 to 0.

@@ -12,6 +12,7 @@
 #[cfg(test)]
 mod tests;
 
+use super::is_down;
 use crate::Bvh;
 use crate::lanes::{LaneProbes, far};
 use crate::rays::Rays;
@@ -232,10 +233,4 @@ impl<S: Simd> SlabLanes<S> {
         let far = ((z.select(low.z, high.z) - o.z) * f.z).min(far);
         (near, far)
     }
-}
-
-/// Where the sign is set, of zeros too.
-#[inline(always)]
-fn is_down<S: Simd>(d: Floats<S>) -> Mask<S> {
-    d.bits().shift_right::<31>().is(1)
 }

@@ -15,7 +15,7 @@ const ODD: u32 = 1 << 30;
 /// The counts of one path ([`PixelVisit::add`](super::PixelVisit::add)), such as of one among others that are traced side by side. What every ray
 /// adds to is one cache line: many paths are under way at once then.
 ///
-/// A path may send 2^32 rays of each kind. One of them may visit 2^27 nodes and as many leaf blocks from its start or an instance to the next
+/// A path may send fewer than 2^32 rays of each kind, and evaluate BSDFs as often. A ray may visit 2^27 nodes and as many leaf blocks from its start or an instance to the next
 /// or its end, as many as a tree may have: of one that visits more, the sums are wrong.
 #[derive(Debug)]
 #[repr(C, align(64))]
@@ -51,8 +51,10 @@ impl PathTally {
     /// Forgets the path: as new.
     #[inline(always)]
     pub fn clear(&mut self) {
-        if self.left & MORE != 0 {
+        if self.left & (MORE | ODD) != 0 {
             self.more = PathCounts::none();
+            // Nothing, unless a ray was not finished.
+            self.odd = [[0; 2]; PAIRS];
         }
         self.sums = [[Pair::NOTHING; PAIRS]; 3];
         (self.rays, self.bsdf, self.left) = ([0; 2], 0, 0);
@@ -221,7 +223,7 @@ impl Default for PathTally {
     }
 }
 
-/// Counts one ray of a path that is traced beside others; it must be finished, or it has visited nothing.
+/// Counts one ray of a path by its tally; it must be finished, or some of its visits are missing.
 #[derive(Debug)]
 pub struct TalliedRay<'r> {
     path: &'r mut PathTally,

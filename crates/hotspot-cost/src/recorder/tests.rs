@@ -377,3 +377,20 @@ fn tallies_are_what_paths_count_at_once() {
     assert_eq!(frame.cost(1, 0, 0), frame.cost(0, 0, 0));
     assert!(frame.cost(0, 0, 0).is_some_and(|cost| cost.get(Counter::WasteShapes) > 1 << 20));
 }
+
+/// What a ray that is not finished leaves in a tally goes with its path.
+#[test]
+fn a_tally_that_is_cleared_counts_as_new() {
+    let mut frame = Frame::new(FrameDesc::new(2, 1));
+    let mut tally = PathTally::new();
+    tally.ray(true).node(0, 70_000);
+    tally.clear();
+    let mut new = PathTally::new();
+    for (x, tally) in [(0, &mut tally), (1, &mut new)] {
+        let mut ray = tally.ray(false);
+        ray.node(0, 300);
+        ray.finish(true);
+        frame.tiles_mut()[0].pixel(x, 0, 0).visit().add(tally, END);
+    }
+    assert_eq!(frame.cost(0, 0, 0), frame.cost(1, 0, 0));
+}
